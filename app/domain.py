@@ -1,0 +1,249 @@
+"""
+The nouns: frozen values that every room passes to the next.
+
+Arrays are numpy; shapes and units stand beside each field. Missing is NaN in arrays and None in
+scalars. Nothing here knows of files, databases or HTTP. `docs/glossary.md` defines the words.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+from datetime import datetime
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+FEATURE_KINDS = ("mean_gradient", "mean", "variance", "mean_difference", "range")
+FEATURE_UNITS = ("dB/m", "dBm", "dB^2", "dB", "dB")
+
+LTE_RSRP_RANGE_DBM = (-140.0, -44.0)  # 3GPP TS 36.133 table 9.1.4-1, edges included
+NR_RSRP_RANGE_DBM = (-156.0, -31.0)  # 3GPP TS 38.133 table 10.1.6.1-1
+
+
+class Direction(enum.StrEnum):
+    """Direction of travel along a road; ``FORWARD`` is the way of its LineString."""
+
+    FORWARD = "forward"
+    BACKWARD = "backward"
+
+    @property
+    def sign(self) -> int:
+        """+1 when chainage grows along the drive, -1 when it falls."""
+        return 1 if self is Direction.FORWARD else -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """A road's centre line, WGS 84 degrees, in the direction of growing chainage."""
+
+    lon: Float[np.ndarray, " vertices"]
+    lat: Float[np.ndarray, " vertices"]
+
+
+@dataclass(frozen=True, slots=True)
+class Road:
+    """A road as it is known before any model: ``line`` is None until somebody sets it."""
+
+    road_id: str
+    name: str | None = None
+    line: Line | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """
+    One survey pass as measured, oldest sample first.
+
+    Attributes:
+        cells: Opaque cell ids, one a column of ``rsrp_dbm``.
+        time_s: Seconds from the first sample, non-decreasing. Shape ``(samples,)``.
+        lon, lat: WGS 84 degrees. Shape ``(samples,)``.
+        rsrp_dbm: Received power, float32. Shape ``(samples, cells)``; NaN = not heard.
+    """
+
+    cells: tuple[str, ...]
+    time_s: Float[np.ndarray, " samples"]
+    lon: Float[np.ndarray, " samples"]
+    lat: Float[np.ndarray, " samples"]
+    rsrp_dbm: Float[np.ndarray, "samples cells"]
+    road_id: str | None = None
+    device: str | None = None
+    recorded_at: datetime | None = None
+    reference_cell: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Salience:
+    """
+    Which features tell this road or sub-segment from the others.
+
+    Attributes:
+        mask: The diagonal of the paper's W (Eq. 7). Shape ``(5, cells)``, rows in the order of
+            `FEATURE_KINDS`.
+        gain_bits: Information gain (Eq. 6) of the chosen features.
+        full_gain_bits: The same of all features; ``gain_bits`` is within the stated tolerance of it.
+        search: ``exhaustive``, ``branch-and-bound`` (both exact) or ``greedy``.
+    """
+
+    mask: Bool[np.ndarray, "kinds cells"]
+    gain_bits: float
+    full_gain_bits: float
+    search: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """
+    B-spline of one cell's RSRP in chainage over one sub-segment.
+
+    ``scipy.interpolate.BSpline(knots_m, coefficients_dbm, degree)`` gives dBm at a chainage in metres.
+    """
+
+    cell: str
+    knots_m: Float[np.ndarray, " knots"]
+    coefficients_dbm: Float[np.ndarray, " coefficients"]
+    degree: int
+    residual_db: float
+    pass_count: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segment:
+    """
+    A sub-segment: a stretch of road within which the signals' trend holds.
+
+    ``features`` has shape ``(5, cells)`` in the order of `FEATURE_KINDS` and of the road model's
+    cells, NaN where a cell is not heard on the stretch. ``curves`` holds one curve a heard cell.
+    """
+
+    index: int
+    start_m: float
+    end_m: float
+    mid_lon: float
+    mid_lat: float
+    features: Float[np.ndarray, "kinds cells"]
+    salience: Salience
+    curves: tuple[Curve, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoadModel:
+    """
+    Everything that the surveys of one road say: immutable, and complete for matching.
+
+    The grid arrays sample the curves at chainages ``0, step_m, 2 step_m, ...`` so that a serving
+    process needs no spline code.
+
+    Attributes:
+        mean_dbm: Expected RSRP. Shape ``(grid, cells)``, float32; NaN where the cell is not mapped.
+        spread_db: Standard deviation of a new sample about ``mean_dbm``, same shape, float32.
+        heard: Probability that a sample hears the cell, same shape, float32.
+        features: The road-scale features (Eq. 3). Shape ``(5, cells)``.
+        evidence: Held-out windows of this road's own passes, for calibration; columns as in
+            `app.numerics.calibration.EVIDENCE_COLUMNS`. Shape ``(windows, columns)``, float32.
+    """
+
+    road_id: str
+    line: Line
+    length_m: float
+    cells: tuple[str, ...]
+    step_m: float
+    mean_dbm: Float[np.ndarray, "grid cells"]
+    spread_db: Float[np.ndarray, "grid cells"]
+    heard: Float[np.ndarray, "grid cells"]
+    features: Float[np.ndarray, "kinds cells"]
+    salience: Salience
+    segments: tuple[Segment, ...]
+    pass_count: int
+    sample_count: int
+    evidence: Float[np.ndarray, "windows columns"]
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What held-out windows say of a whole map's probabilities. Plain numbers: it is stored as JSON."""
+
+    temperature: float = 1.0
+    offset_sd_db: float = 2.0
+    off_map_intercept: float = -4.0
+    off_map_slope: float = 0.0
+    window_count: int = 0
+    reliability_predicted: tuple[float, ...] = ()
+    reliability_observed: tuple[float, ...] = ()
+    reliability_count: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RadioMap:
+    """A map version: one model a road, and the calibration of them together."""
+
+    version: int
+    models: tuple[RoadModel, ...]
+    calibration: Calibration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Window:
+    """
+    What a vehicle heard over its last metres, oldest sample first.
+
+    Attributes:
+        distance_m: Travelled distance of each sample, non-decreasing, any origin. Shape ``(samples,)``.
+        rsrp_dbm: Shape ``(samples, cells)``; NaN = not heard.
+    """
+
+    cells: tuple[str, ...]
+    distance_m: Float[np.ndarray, " samples"]
+    rsrp_dbm: Float[np.ndarray, "samples cells"]
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One sub-segment and direction a window may end in, with the best place within it."""
+
+    road_id: str
+    segment_index: int
+    direction: Direction
+    posterior: float
+    chainage_m: float
+    lon: float
+    lat: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """
+    The answer to a window: where its last sample was.
+
+    Attributes:
+        candidates: Every candidate, most probable first; their posteriors and
+            ``off_map_posterior`` sum to 1.
+        road_posterior: Summed over the best road's candidates.
+        segment_posterior: Summed over the directions of the best sub-segment.
+        accuracy_m: Radius about the position that holds ``confidence`` of the on-map posterior.
+        off_map: True when the window fits no mapped road; the position fields are then the best
+            candidate's all the same, and callers must not report them as a position.
+    """
+
+    map_version: int
+    off_map: bool
+    road_id: str
+    road_posterior: float
+    segment_index: int
+    segment_posterior: float
+    segment_start_m: float
+    segment_end_m: float
+    lon: float
+    lat: float
+    chainage_m: float
+    direction: Direction
+    heading_deg: float
+    accuracy_m: float
+    confidence: float
+    off_map_posterior: float
+    device_offset_db: float
+    samples_used: int
+    cells_used: int
+    cells_unknown: tuple[str, ...]
+    candidates: tuple[Candidate, ...] = field(default=())
