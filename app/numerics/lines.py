@@ -1,0 +1,89 @@
+"""Chainage along a road's centre line: where a point lies on it, and what lies at a chainage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from app.domain import Line
+from app.numerics.geodesy import Floats, LocalFrame, LonLat, distance_m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Projection:
+    """
+    Points dropped on a line.
+
+    Attributes:
+        chainage_m: Distance from the line's start to the foot of the perpendicular.
+        offset_m: Signed distance from the line, positive to the left of its direction.
+    """
+
+    chainage_m: Floats
+    offset_m: Floats
+
+
+def vertex_chainage_m(line: Line) -> Floats:
+    """Chainage of every vertex; the first is 0, the last the line's length."""
+    steps_m = distance_m(line.lon[:-1], line.lat[:-1], line.lon[1:], line.lat[1:])
+    return np.concatenate([[0.0], np.cumsum(steps_m)])
+
+
+def length_m(line: Line) -> float:
+    """Length of the line in metres."""
+    return float(vertex_chainage_m(line)[-1])
+
+
+def point_at(line: Line, chainage_m: ArrayLike) -> LonLat:
+    """Degrees at chainages; beyond an end, that end."""
+    at_m = vertex_chainage_m(line)
+    lon = line.lon[0] + np.interp(chainage_m, at_m, _unwrapped_lon(line) - line.lon[0])
+    lon = np.where(np.abs(lon) > 180.0, (lon + 180.0) % 360.0 - 180.0, lon)
+    return LonLat(lon, np.interp(chainage_m, at_m, line.lat))
+
+
+def heading_deg(line: Line, chainage_m: float) -> float:
+    """Compass heading of growing chainage, degrees clockwise from north, in [0, 360)."""
+    at_m = vertex_chainage_m(line)
+    last = len(at_m) - 2
+    index = int(np.clip(np.searchsorted(at_m, chainage_m, side="right") - 1, 0, last))
+    frame = LocalFrame(float(line.lon[index]), float((line.lat[index] + line.lat[index + 1]) / 2))
+    ends = frame.to_xy(line.lon[index : index + 2], line.lat[index : index + 2])
+    east_m, north_m = np.diff(ends.x_m)[0], np.diff(ends.y_m)[0]
+    return float(np.degrees(np.arctan2(east_m, north_m)) % 360.0)
+
+
+def slice_line(line: Line, start_m: float, end_m: float) -> Line:
+    """The part of the line between two chainages, with its inner vertices."""
+    at_m = vertex_chainage_m(line)
+    inner = at_m[(at_m > start_m) & (at_m < end_m)]
+    part = point_at(line, np.concatenate([[start_m], inner, [end_m]]))
+    return Line(part.lon, part.lat)
+
+
+def project(line: Line, lon: ArrayLike, lat: ArrayLike) -> Projection:
+    """
+    Drop points on the line: the nearest place of all its pieces, the first one among equals.
+
+    Args:
+        lon, lat: Degrees, shape ``(points,)``.
+    """
+    frame = LocalFrame(float(line.lon[0]), float(np.mean(line.lat)))
+    vertex, point = frame.to_xy(line.lon, line.lat), frame.to_xy(lon, lat)
+    dx, dy = np.diff(vertex.x_m), np.diff(vertex.y_m)
+    squared = np.maximum(dx**2 + dy**2, 1e-12)  # a repeated vertex is a point, not a division by 0
+    from_x, from_y = point.x_m[:, None] - vertex.x_m[:-1], point.y_m[:, None] - vertex.y_m[:-1]
+    share = np.clip((from_x * dx + from_y * dy) / squared, 0.0, 1.0)
+    away = np.hypot(from_x - share * dx, from_y - share * dy)
+    piece = np.argmin(away, axis=1)
+    row = np.arange(len(piece))
+    side = np.sign(dx[piece] * from_y[row, piece] - dy[piece] * from_x[row, piece])
+    at_m = vertex_chainage_m(line)
+    chainage_m = at_m[piece] + share[row, piece] * np.diff(at_m)[piece]
+    return Projection(chainage_m, side * away[row, piece])
+
+
+def _unwrapped_lon(line: Line) -> Floats:
+    return np.degrees(np.unwrap(np.radians(line.lon)))
