@@ -1,0 +1,1 @@
+"""One module a console subcommand; `app.cli` only wires them."""
