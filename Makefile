@@ -1,0 +1,66 @@
+# One word for each thing one does with roadprint, the same for people, CI and the container.
+# Every target makes what it needs first: Python 3.11 and make are enough.
+
+VENV ?= .venv
+EXTRAS ?= dev
+DATA ?= demo-data
+PORT ?= 8000
+BIN := $(VENV)/bin
+ARGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help install system demo serve test lint format types contracts bench evaluate openapi docs constraints check clean
+
+help: ## this list
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+install: ## .venv with roadprint and everything that its tests use, versions locked
+	@bash .ci/setup venv "$(VENV)" "$(EXTRAS)"
+
+system: ## Debian packages that the tests use (as root; elsewhere those tests are skipped)
+	@bash .ci/setup system
+
+demo: install ## simulate the paper's area, survey it, build the map, locate 200 windows
+	$(BIN)/roadprint demo --data $(DATA) $(ARGS)
+
+serve: install ## serve the map that the demo left
+	$(BIN)/roadprint serve --data $(DATA) --port $(PORT) $(ARGS)
+
+test: install system ## every test
+	$(BIN)/pytest $(ARGS)
+
+lint: install ## style of the code, and of the Dockerfile
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/hadolint Dockerfile
+
+format: install ## mend what the linter can mend
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+types: install ## mypy --strict
+	$(BIN)/mypy
+
+contracts: install ## which room may import which
+	$(BIN)/lint-imports
+
+bench: install ## what each thing costs, beside its floor
+	$(BIN)/python -m benchmarks $(ARGS)
+
+evaluate: install ## the experiments, in short
+	$(BIN)/roadprint evaluate --scenario paper --out results $(ARGS)
+
+openapi: install ## openapi/openapi.json from the code
+	$(BIN)/roadprint openapi --out openapi/openapi.json
+
+docs: install openapi ## the generated part of the documentation, and the tests that hold it to the code
+	$(BIN)/pytest -q tests/architecture
+
+check: lint types contracts test ## all that must pass before a change lands
+
+constraints: install ## constraints.txt anew, from what is installed now
+	@{ sed -n '/^#/p' constraints.txt; $(BIN)/pip freeze --exclude-editable | sort -f; } > constraints.new
+	@mv constraints.new constraints.txt
+
+clean: ## all that was made here, the environment and the demo's data included
+	rm -rf $(VENV) demo-data results build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

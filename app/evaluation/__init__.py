@@ -1,0 +1,1 @@
+"""The simulated city with its truth, and what is measured on it."""
