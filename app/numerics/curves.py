@@ -1,0 +1,214 @@
+"""
+One curve a cell: RSRP as a penalised B-spline of chainage, all passes of a road fitted together.
+
+The spline is a P-spline (Eilers and Marx 1996) with a penalty on first differences, which is the
+smoothness of shadowing that forgets exponentially (Gudmundson 1991). Its strength is chosen for the
+whole road by restricted likelihood (Wood 2011): how rough the radio field is and how noisy the
+readings are is a property of the place, not of one cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import BSpline
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from app.numerics.geodesy import Floats
+
+DEGREE = 3
+STRENGTHS = tuple(float(10**power) for power in np.arange(-1.5, 2.51, 0.5))
+RIDGE = 1e-4  # keeps stretches without a sample solvable; pulls to the cell's own median
+NOISE_PRIOR_SAMPLES = 20  # a cell with few readings borrows the road's noise
+MAX_LEVERAGE = 8.0  # far from any sample the spread says "unknown", not infinity
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Basis:
+    """Cubic B-splines with evenly spaced knots over ``[0, length_m]``."""
+
+    knots_m: Floats
+    size: int
+
+    @classmethod
+    def over(cls, length_m: float, spacing_m: float) -> Basis:
+        """Cover ``length_m`` with whole steps of ``spacing_m``."""
+        spans = max(1, int(np.ceil(length_m / spacing_m)))
+        return cls(np.arange(-DEGREE, spans + DEGREE + 1) * spacing_m, spans + DEGREE)
+
+    def at(self, chainage_m: Floats) -> Weights:
+        """The four splines that are not zero at each chainage; beyond an end, that end."""
+        end_m = self.knots_m[-DEGREE - 1]
+        inside = np.clip(chainage_m, 0.0, np.nextafter(end_m, 0.0))
+        design = BSpline.design_matrix(inside, self.knots_m, DEGREE)
+        width = DEGREE + 1
+        return Weights(design.indices[::width].astype(int), design.data.reshape(-1, width))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weights:
+    """Non-zero spline values: ``value[i, j]`` belongs to spline ``first[i] + j``."""
+
+    first: np.ndarray
+    value: Floats
+
+    def times(self, coefficients: Floats) -> Floats:
+        """The spline with these coefficients, at the places the weights were made for."""
+        reach = self.first[:, None] + np.arange(self.value.shape[1])
+        return np.einsum("pj,pj...->p...", self.value, coefficients[reach])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedCurves:
+    """
+    All cells' splines of one road.
+
+    Attributes:
+        coefficients_dbm: Shape ``(splines, cells)``.
+        noise_db: Spread of a reading about its cell's true curve, shape ``(cells,)``.
+        mean_dbm: The curves on the grid, shape ``(grid, cells)``.
+        spread_db: Spread of a new reading about ``mean_dbm``: noise and the fit's own doubt.
+        strength: The penalty that the restricted likelihood chose.
+    """
+
+    basis: Basis
+    coefficients_dbm: Floats
+    noise_db: Floats
+    mean_dbm: Floats
+    spread_db: Floats
+    strength: float
+
+
+def fit_curves(
+    chainage_m: Float[np.ndarray, " samples"],
+    rsrp_dbm: Float[np.ndarray, "samples cells"],
+    grid_m: Float[np.ndarray, " grid"],
+    spacing_m: float,
+    strength: float | None = None,
+) -> FittedCurves:
+    """
+    Fit every cell of a road.
+
+    Args:
+        chainage_m: Where each sample was taken, any order, all passes together.
+        rsrp_dbm: NaN = not heard; every cell must be heard at least once.
+        grid_m: Chainages at which the curves are wanted.
+        spacing_m: Distance of the knots.
+        strength: Penalty to use; None chooses it by restricted likelihood.
+    """
+    basis = Basis.over(float(grid_m[-1]), spacing_m)
+    problems = _normal_equations(basis, chainage_m, rsrp_dbm)
+    chosen = _best_strength(problems) if strength is None else strength
+    solved = [_solve(problem, chosen) for problem in problems]
+    pooled = sum(s.misfit for s in solved) / max(sum(p.count for p in problems), 1)
+    misfit, count = np.array([s.misfit for s in solved]), np.array([p.count for p in problems])
+    noise_db = np.sqrt(
+        (misfit + NOISE_PRIOR_SAMPLES * pooled) / (count + NOISE_PRIOR_SAMPLES)
+    )
+    coefficients = np.stack(
+        [s.coefficients_dbm + p.level_dbm for s, p in zip(solved, problems, strict=True)], axis=1
+    )
+    leverage = _leverage(basis, solved, grid_m, spacing_m)
+    return FittedCurves(
+        basis,
+        coefficients,
+        noise_db,
+        basis.at(grid_m).times(coefficients),
+        noise_db * np.sqrt(1.0 + leverage),
+        chosen,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """Normal equations of one cell, in upper banded form, about its median level."""
+
+    gram: Floats
+    right: Floats
+    square_sum: float
+    count: int
+    level_dbm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solution:
+    coefficients_dbm: Floats
+    factor: Floats
+    misfit: float
+    log_determinant: float
+
+
+def _normal_equations(basis: Basis, chainage_m: Floats, rsrp_dbm: Floats) -> list[_Problem]:
+    weights = basis.at(np.asarray(chainage_m, dtype=float))
+    return [_one_problem(basis.size, weights, column) for column in rsrp_dbm.T]
+
+
+def _one_problem(size: int, weights: Weights, rsrp_dbm: Floats) -> _Problem:
+    heard = ~np.isnan(rsrp_dbm)
+    first, value = weights.first[heard], weights.value[heard]
+    level = float(np.median(rsrp_dbm[heard]))
+    deviation = rsrp_dbm[heard] - level
+    gram = np.zeros((DEGREE + 1, size))
+    right = np.zeros(size)
+    for i in range(DEGREE + 1):
+        right += np.bincount(first + i, value[:, i] * deviation, size)
+        for j in range(i, DEGREE + 1):
+            gram[DEGREE - (j - i)] += np.bincount(first + j, value[:, i] * value[:, j], size)
+    return _Problem(gram, right, float(deviation @ deviation), int(heard.sum()), level)
+
+
+def _penalty(size: int) -> Floats:
+    """First differences squared, upper banded: 1 -1 along the diagonal pair."""
+    banded = np.zeros((DEGREE + 1, size))
+    banded[DEGREE] = 2.0
+    banded[DEGREE, [0, -1]] = 1.0
+    banded[DEGREE - 1, 1:] = -1.0
+    return banded
+
+
+def _solve(problem: _Problem, strength: float) -> _Solution:
+    matrix = problem.gram + strength * _penalty(problem.gram.shape[1])
+    matrix[DEGREE] += RIDGE
+    factor = cholesky_banded(matrix, check_finite=False)
+    coefficients = cho_solve_banded((factor, False), problem.right, check_finite=False)
+    misfit = max(problem.square_sum - float(coefficients @ problem.right), 1e-6)
+    return _Solution(coefficients, factor, misfit, 2.0 * float(np.log(factor[DEGREE]).sum()))
+
+
+def _best_strength(problems: list[_Problem]) -> float:
+    """
+    Strength of the largest restricted likelihood with one noise level for the road.
+
+    Profiled over the noise: minus twice its logarithm is ``n log(misfit / n) + log det(G + sP)
+    - rank(P) log s``, summed over the cells (Wood 2011, Eq. 4, with a Gaussian response).
+    """
+    count = sum(problem.count for problem in problems)
+
+    def deviance(strength: float) -> float:
+        solved = [_solve(problem, strength) for problem in problems]
+        misfit = sum(solution.misfit for solution in solved)
+        determinant = sum(solution.log_determinant for solution in solved)
+        rank = sum(problem.gram.shape[1] - 1 for problem in problems)
+        return count * np.log(misfit / count) + determinant - rank * np.log(strength)
+
+    return min(STRENGTHS, key=deviance)
+
+
+def _leverage(
+    basis: Basis, solved: list[_Solution], grid_m: Floats, spacing_m: float
+) -> Float[np.ndarray, "grid cells"]:
+    """Variance of the fit over the variance of the noise, at every grid point."""
+    coarse_m = np.arange(0.0, grid_m[-1] + 2.0 * spacing_m, 2.0 * spacing_m)
+    weights = basis.at(coarse_m)
+    right = np.zeros((basis.size, len(coarse_m)))
+    columns = np.arange(len(coarse_m))
+    for j in range(DEGREE + 1):
+        right[weights.first + j, columns] = weights.value[:, j]
+    leverage = np.empty((len(grid_m), len(solved)))
+    for cell, solution in enumerate(solved):
+        inverse = cho_solve_banded((solution.factor, False), right, check_finite=False)
+        variance = (right * inverse).sum(axis=0)
+        leverage[:, cell] = np.interp(grid_m, coarse_m, variance)
+    return np.minimum(leverage, MAX_LEVERAGE)

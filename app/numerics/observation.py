@@ -1,0 +1,204 @@
+"""
+What a window says of a place: the likelihood that every matcher shares.
+
+A sample of a vehicle at chainage ``s`` hears cell ``k`` with probability ``p_k(s)`` and reads it as
+``N(mu_k(s) + b, sigma_k(s)^2)``, where ``b`` is the device's offset, common to the window. Readings
+are compared with a featureless background (any level within 50 dB, any cell), so that scores of
+places that know different cells compare. For one sample the logarithm is linear in four terms of the
+map, which is why whole roads are scored by one matrix product:
+
+    sum over heard k of [-1/2 (A y^2 - 2 B y + C) + h L]  +  h base
+
+with ``A = 1/sigma^2``, ``B = A mu``, ``C = A mu^2 + log(sigma^2 2 pi) - 2 log 50``, ``L`` the logit of
+``p_k`` and ``base`` the sum over all mapped cells of ``log(1 - p_k)``; ``y`` and ``mu`` are counted
+from `CENTRE_DBM` so that float32 keeps every digit that matters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+
+CENTRE_DBM = -95.0
+BACKGROUND_SPAN_DB = 50.0  # phones report some 50 dB of useful RSRP; any level in it is as likely
+HEARD_FLOOR = 0.02  # a cell may appear, or fail to, wherever the survey says otherwise
+HEARING_WEIGHT = 0.4  # hearing is far more alike from sample to sample than levels are
+CORRELATION_M = 10.0  # closer samples share shadowing and count as one; the map's temperature, too
+OUTSIDE_HEARD = 0.3  # a sample off the road's end fits like a middling place: no road is blamed
+BROAD_OFFSET_SD_DB = 6.0  # devices differ by up to 8 dB
+BROAD_OFFSET_SHARE = 0.1  # how often a device is unlike those of the surveys
+
+TERMS = 4  # A, B, C, L: see the module's text
+CHANNELS = 3  # score, weighted residual, weight: what marginalising the offset needs
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """
+    Expected readings along a stretch, ready for scoring.
+
+    Attributes:
+        terms: A, B, C and L of every cell at every position. Shape ``(cells, 4, positions)``.
+        base: Score of hearing nothing. Shape ``(positions,)``.
+    """
+
+    terms: Float32[np.ndarray, "cells 4 positions"]
+    base: Float32[np.ndarray, " positions"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """
+    A window made ready: one row a stretch of road with readings, newest first.
+
+    Attributes:
+        behind_m: Travelled distance from each sample to the window's end. Shape ``(samples,)``.
+        rsrp_db: Mean reading above `CENTRE_DBM`, 0 where not heard. Shape ``(samples, cells)``.
+        heard: Share of the sample's readings that heard the cell, 0..1, same shape.
+        weight: How much each sample counts, 0..1, for the shadowing it shares with its neighbours.
+    """
+
+    behind_m: Float[np.ndarray, " samples"]
+    rsrp_db: Float[np.ndarray, "samples cells"]
+    heard: Float[np.ndarray, "samples cells"]
+    weight: Float[np.ndarray, " samples"]
+
+
+def profile(
+    mean_dbm: Float[np.ndarray, "positions cells"],
+    spread_db: Float[np.ndarray, "positions cells"],
+    heard: Float[np.ndarray, "positions cells"],
+) -> Profile:
+    """
+    The map's side of the likelihood.
+
+    Args:
+        mean_dbm, spread_db: Expected level and its spread; NaN where the cell is not mapped.
+        heard: Probability of hearing the cell.
+    """
+    mapped = ~np.isnan(mean_dbm)
+    variance = np.where(mapped, spread_db, 1.0) ** 2
+    level_db = np.where(mapped, mean_dbm, CENTRE_DBM) - CENTRE_DBM
+    precision = np.where(mapped, 1.0 / variance, 0.0)
+    normaliser = np.log(variance * (2.0 * np.pi)) - 2.0 * np.log(BACKGROUND_SPAN_DB)
+    sure = np.clip(np.where(mapped, heard, 0.0), HEARD_FLOOR, 1.0 - HEARD_FLOOR)
+    silent = np.log1p(-sure)
+    terms = np.stack(
+        [
+            precision,
+            precision * level_db,
+            precision * level_db**2 + np.where(mapped, normaliser, 0.0),
+            np.log(sure) - silent,
+        ]
+    )
+    base = np.where(mapped, silent, 0.0).sum(axis=1)
+    return Profile(
+        np.ascontiguousarray(terms.transpose(2, 0, 1), dtype=np.float32), base.astype(np.float32)
+    )
+
+
+def evidence(
+    distance_m: Float[np.ndarray, " samples"],
+    rsrp_dbm: Float[np.ndarray, "samples cells"],
+    step_m: float,
+) -> Evidence:
+    """
+    Readings of a window averaged over stretches of ``step_m`` that end at its last sample.
+
+    A standing car's hundred readings of one place become one; the order of the samples within a
+    stretch, and of the cells, moves nothing.
+    """
+    behind_m = distance_m[-1] - distance_m[::-1]
+    rsrp = rsrp_dbm[::-1]
+    known = rsrp == rsrp
+    level_db = np.where(known, rsrp - CENTRE_DBM, 0.0)
+    heard = known.astype(float)
+    stretch = np.rint(behind_m / step_m).astype(np.intp)
+    starts = np.flatnonzero(np.concatenate(([True], stretch[1:] != stretch[:-1])))
+    if len(starts) < len(stretch):
+        count = np.add.reduceat(heard, starts, axis=0)
+        readings = np.diff(np.append(starts, len(stretch)))
+        level_db = np.add.reduceat(level_db, starts, axis=0) / np.maximum(count, 1.0)
+        heard = count / readings[:, None]
+        behind_m = np.add.reduceat(behind_m, starts) / readings
+    return Evidence(behind_m, level_db, heard, sample_weight(behind_m))
+
+
+def sample_weight(behind_m: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
+    """Each sample's share of road over `CORRELATION_M`, at most 1: half the way to each neighbour."""
+    if len(behind_m) == 1:
+        return np.ones(1)
+    gap_m = behind_m[1:] - behind_m[:-1]
+    share_m = np.empty(len(behind_m))
+    share_m[0], share_m[-1] = gap_m[0], gap_m[-1]
+    share_m[1:-1] = (gap_m[:-1] + gap_m[1:]) / 2.0
+    return np.minimum(share_m / CORRELATION_M, 1.0)
+
+
+def coefficients(
+    seen: Evidence, cells: Int[np.ndarray, " chosen"]
+) -> Float32[np.ndarray, "channels samples rows"]:
+    """
+    The window's side of the likelihood: what multiplies each row of `scoring_rows`.
+
+    Three channels: the score, the weighted residual and the weight, per sample. Rows are the four
+    terms of each chosen cell (columns of ``seen``), then the base, then "outside the road".
+    """
+    count = len(cells)
+    level = seen.rsrp_db[:, cells]
+    heard = seen.heard[:, cells] * seen.weight[:, None]
+    out = np.zeros((CHANNELS, len(level), count * TERMS + 2), dtype=np.float32)
+    by_cell = out[:, :, :-2].reshape(CHANNELS, len(level), count, TERMS)
+    heard_level = heard * level
+    by_cell[0, :, :, 0] = -0.5 * heard_level * level
+    by_cell[0, :, :, 1] = heard_level
+    by_cell[0, :, :, 2] = -0.5 * heard
+    by_cell[0, :, :, 3] = HEARING_WEIGHT * heard
+    by_cell[1, :, :, 0] = heard_level
+    by_cell[1, :, :, 1] = -heard
+    by_cell[2, :, :, 0] = heard
+    out[0, :, -2] = HEARING_WEIGHT * seen.weight
+    out[0, :, -1] = (HEARING_WEIGHT * np.log(OUTSIDE_HEARD)) * heard.sum(axis=1)
+    return out
+
+
+def marginal_score(
+    channels: Float[np.ndarray, "3 positions"], offset_sd_db: float
+) -> Float[np.ndarray, " positions"]:
+    """
+    Log likelihood with the device offset integrated out.
+
+    The prior is a mixture: like the survey's devices, ``N(0, offset_sd_db^2)``, or any device,
+    ``N(0, BROAD_OFFSET_SD_DB^2)``. With the score ``S``, residual ``R`` and weight ``W`` of
+    `coefficients`, each part gives ``S + R^2 v / (2 (1 + W v)) - log(1 + W v) / 2``.
+    """
+    score, residual, weight = channels
+    squared = 0.5 * residual * residual
+    parts = []
+    for sd_db, share in _offset_prior(offset_sd_db):
+        variance = sd_db * sd_db
+        inflation = 1.0 + weight * variance
+        parts.append(squared * (variance / inflation) - 0.5 * np.log(inflation) + np.log(share))
+    return score + np.logaddexp(parts[0], parts[1])
+
+
+def offset_db(residual: float, weight: float, offset_sd_db: float) -> float:
+    """Mean of the device offset given the residual and weight at one place, in dB."""
+    values, logs = [], []
+    for sd_db, share in _offset_prior(offset_sd_db):
+        inflation = 1.0 + weight * sd_db**2
+        values.append(residual * sd_db**2 / inflation)
+        logs.append(
+            np.log(share) + 0.5 * residual**2 * sd_db**2 / inflation - 0.5 * np.log(inflation)
+        )
+    odds = np.exp(np.array(logs) - max(logs))
+    return float(np.dot(values, odds) / odds.sum())
+
+
+def _offset_prior(offset_sd_db: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    return (
+        (max(offset_sd_db, 1e-3), 1.0 - BROAD_OFFSET_SHARE),
+        (max(BROAD_OFFSET_SD_DB, offset_sd_db), BROAD_OFFSET_SHARE),
+    )
