@@ -79,6 +79,16 @@ class IdempotencyMismatch(Conflict):
         self.survey_id = survey_id
 
 
+class NothingToBuild(Conflict):
+    """A build was asked for and there is no road to build."""
+
+    code = "nothing-to-build"
+    title = "There is nothing to build"
+
+    def __init__(self) -> None:
+        super().__init__("no road has surveys or a model")
+
+
 class NoMap(RoadprintError):
     """No map version is active yet."""
 

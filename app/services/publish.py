@@ -1,0 +1,52 @@
+"""The map in memory, and keeping it the active one without ever touching a request."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from sqlalchemy.engine import Engine
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.numerics.index import MapIndex
+from app.services.maps import active_version, load_radio_map
+
+log = logging.getLogger(__name__)
+
+
+class MapHolder:
+    """
+    The map that this process serves.
+
+    ``current`` is replaced by one assignment: whoever read it keeps a whole map to the end of his
+    request, and nobody ever sees half of one. It is None before the first map, and while the active
+    version maps no road.
+    """
+
+    def __init__(self) -> None:
+        self.current: MapIndex | None = None
+        self.version: int | None = None
+        self._refreshing = threading.Lock()
+
+    def refresh(self, engine: Engine) -> bool:
+        """Load the active version if it is another than the one held; True when it changed."""
+        with self._refreshing:
+            version = active_version(engine)
+            if version == self.version:
+                return False
+            loaded = None
+            if version is not None:
+                radio_map = load_radio_map(engine, version)
+                loaded = MapIndex.build(radio_map) if radio_map.models else None
+            self.current = loaded
+            self.version = version
+            return True
+
+    def poll(self, engine: Engine, interval_s: float, stop: threading.Event) -> None:
+        """Refresh every ``interval_s`` seconds until ``stop`` is set; for a daemon thread."""
+        while not stop.wait(interval_s):
+            try:
+                if self.refresh(engine):
+                    log.info("serving map version %s", self.version)
+            except SQLAlchemyError:
+                log.exception("could not look for a new map; the present one is served on")
