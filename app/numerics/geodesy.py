@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 EQUATORIAL_RADIUS_M = 6_378_137.0  # WGS 84 (NIMA TR8350.2, table 3.1)
 ECCENTRICITY_SQUARED = 6.694_379_990_141e-3  # the same, table 3.3
 
-Floats = NDArray[np.float64]
+if TYPE_CHECKING:
+    Floats = NDArray[np.float64]
+else:  # numpy makes a scalar of a result without dimensions; the tests' shape checks must know
+    Floats = NDArray[np.float64] | np.float64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
