@@ -152,14 +152,6 @@ def finish_road(connection: Connection, build_id: str, road_id: str, outcome: Ro
     return changed.rowcount == 1
 
 
-def start_numbers(connection: Connection, build_ids: Sequence[str]) -> dict[str, int]:
-    """The order in which builds began."""
-    rows = connection.execute(
-        sa.select(builds.c.build_id, builds.c.start_number).where(builds.c.build_id.in_(build_ids))
-    )
-    return {row.build_id: row.start_number for row in rows}
-
-
 def select_build(connection: Connection, build_id: str) -> BuildState | None:
     """A build as it stands."""
     row = connection.execute(sa.select(builds).where(_is(build_id))).one_or_none()

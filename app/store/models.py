@@ -7,6 +7,7 @@ included, for people.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,10 @@ from sqlalchemy.engine import Connection, Row
 from app.domain import FEATURE_KINDS, Curve, Line, RoadModel, Salience, Segment
 from app.store.bounds import bounds_of
 from app.store.columns import B1, F4, F8, pack, unpack, utc_now
-from app.store.tables import fits, map_roads, model_cells, road_models, segments
+from app.store.tables import builds, fits, map_roads, model_cells, road_models, segments
 
 KINDS = len(FEATURE_KINDS)
+MOST_BOUND = 500  # values in one IN list: well below every database's limit
 
 
 def insert_model(connection: Connection, build_id: str, model: RoadModel) -> int:
@@ -38,17 +40,14 @@ def insert_model(connection: Connection, build_id: str, model: RoadModel) -> int
     return model_id
 
 
-def load_models(
-    connection: Connection, version: int, *, with_evidence: bool = False
-) -> list[RoadModel]:
+def load_models(connection: Connection, version: int) -> list[RoadModel]:
     """
     The models of a map version as matching needs them, by road id.
 
     Only blobs are read: the segments carry no curves (their samples are ``mean_dbm``), and
-    ``evidence`` is empty unless asked for.
+    ``evidence`` is empty.
     """
-    left_out = () if with_evidence else (road_models.c.evidence,)
-    columns = [column for column in road_models.c if column not in set(left_out)]
+    columns = [column for column in road_models.c if column.name != "evidence"]
     rows = connection.execute(
         sa.select(*columns)
         .join(map_roads, map_roads.c.model_id == road_models.c.model_id)
@@ -56,6 +55,44 @@ def load_models(
         .order_by(map_roads.c.road_id)
     )
     return [_model(row, _served_segments(row)) for row in rows]
+
+
+def load_by_id(connection: Connection, model_ids: Sequence[int]) -> list[RoadModel]:
+    """Models with their evidence and without curves, by road id: what a calibration needs."""
+    loaded = []
+    for first in range(0, len(model_ids), MOST_BOUND):
+        some = road_models.c.model_id.in_(model_ids[first : first + MOST_BOUND])
+        rows = connection.execute(sa.select(road_models).where(some))
+        loaded += [_model(row, _served_segments(row)) for row in rows]
+    return sorted(loaded, key=lambda model: model.road_id)
+
+
+def of_build(connection: Connection, build_id: str) -> dict[str, int]:
+    """Model number of each road that a build has built."""
+    rows = connection.execute(
+        sa.select(road_models.c.road_id, road_models.c.model_id).where(
+            road_models.c.build_id == build_id
+        )
+    )
+    return {row.road_id: row.model_id for row in rows}
+
+
+def roads_begun_after(connection: Connection, build_id: str, version: int | None) -> set[str]:
+    """Roads of a map version whose models come from builds that began after this one."""
+    this = sa.select(builds.c.start_number).where(builds.c.build_id == build_id).scalar_subquery()
+    return set(
+        connection.scalars(
+            sa.select(map_roads.c.road_id)
+            .join(road_models, road_models.c.model_id == map_roads.c.model_id)
+            .join(builds, builds.c.build_id == road_models.c.build_id)
+            .where(map_roads.c.version == version, builds.c.start_number > this)
+        )
+    )
+
+
+def delete_of_build(connection: Connection, build_id: str) -> None:
+    """Drop a build's models; its segments, fits and cells go with them."""
+    connection.execute(road_models.delete().where(road_models.c.build_id == build_id))
 
 
 def load_model(connection: Connection, model_id: int) -> RoadModel:
@@ -192,7 +229,7 @@ def _cell_rows(model_id: int, model: RoadModel) -> list[dict[str, Any]]:
 
 def _model(row: Row[Any], parts: tuple[Segment, ...]) -> RoadModel:
     grid = (row.grid_count, row.cell_count)
-    evidence = getattr(row, "evidence", b"")
+    evidence = getattr(row, "evidence", b"")  # a serving process leaves it in the store
     return RoadModel(
         road_id=row.road_id,
         line=Line(unpack(row.line_lon, F8), unpack(row.line_lat, F8)),

@@ -72,7 +72,9 @@ def model_of(connection: Connection, version: int | None, road_id: str) -> int |
     )
 
 
-def insert_version(connection: Connection, build_id: str, models: Mapping[str, int]) -> int:
+def insert_version(
+    connection: Connection, build_id: str, models: Mapping[str, int], calibration: Calibration
+) -> int:
     """Store a version that names these models; its number, one above the highest so far."""
     highest = connection.scalar(sa.select(sa.func.max(map_versions.c.version)))
     version = (highest or 0) + 1
@@ -82,7 +84,7 @@ def insert_version(connection: Connection, build_id: str, models: Mapping[str, i
             build_id=build_id,
             created_at=utc_now(),
             road_count=len(models),
-            calibration={},
+            calibration=dataclasses.asdict(calibration),
         )
     )
     rows = [
@@ -92,15 +94,6 @@ def insert_version(connection: Connection, build_id: str, models: Mapping[str, i
     if rows:
         connection.execute(map_roads.insert(), rows)
     return version
-
-
-def set_calibration(connection: Connection, version: int, calibration: Calibration) -> None:
-    """Store what held-out windows say of a version, before anyone can see it."""
-    connection.execute(
-        map_versions.update()
-        .where(map_versions.c.version == version)
-        .values(calibration=dataclasses.asdict(calibration))
-    )
 
 
 def _version(row: Row[Any], active: int | None) -> MapVersion:
