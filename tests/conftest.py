@@ -13,3 +13,5 @@ from jaxtyping import install_import_hook
 CHECKER = "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
 
 install_import_hook(["app.numerics", "app.evaluation"], CHECKER)
+
+pytest_plugins = ["tests.databases"]  # loaded after the hook stands

@@ -1,0 +1,111 @@
+"""Empty databases for tests: SQLite files, and a PostgreSQL server of our own where there is one."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import pwd
+import shutil
+import socket
+import subprocess
+import tempfile
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+
+from app.store.engine import create_store_engine
+from app.store.migrate import migrate
+
+POSTGRES = pytest.param("postgresql", marks=pytest.mark.postgresql)
+
+
+def server_programs() -> Path | None:
+    """The folder with initdb and pg_ctl: Debian keeps them off the path."""
+    found = shutil.which("initdb")
+    folders = [Path(found).parent] if found else []
+    folders += sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
+    return next((folder for folder in folders if (folder / "pg_ctl").exists()), None)
+
+
+@pytest.fixture(scope="session")
+def postgres_server() -> Iterator[str]:
+    """URL of a server on a free loopback port that lives as long as the test session."""
+    programs = server_programs()
+    if programs is None:
+        pytest.skip("PostgreSQL's server programs (Debian package postgresql) are not installed")
+    user = _server_user()
+    folder = Path(tempfile.mkdtemp(prefix="roadprint-postgres-"))
+    if user != getpass.getuser():
+        shutil.chown(folder, user)
+    port = _free_port()
+
+    def run(*command: str) -> None:
+        subprocess.run(
+            command, check=True, user=user, cwd=folder, stdout=subprocess.DEVNULL, timeout=60
+        )
+
+    cluster = str(folder / "cluster")
+    settings = f"-p {port} -c listen_addresses=127.0.0.1 -c fsync=off -k {folder}"
+    run(str(programs / "initdb"), "-D", cluster, "-U", "road", "-A", "trust", "--no-sync")
+    run(str(programs / "pg_ctl"), "-D", cluster, "-o", settings, "-l", f"{folder}/log", "start")
+    try:
+        yield f"postgresql://road@127.0.0.1:{port}"
+    finally:
+        run(str(programs / "pg_ctl"), "-D", cluster, "-m", "immediate", "stop")
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture
+def postgres_url(postgres_server: str) -> str:
+    """URL of an empty PostgreSQL database."""
+    name = f"test_{uuid.uuid4().hex}"
+    admin = create_store_engine(f"{postgres_server}/postgres")
+    with admin.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+        connection.execute(sa.text(f"CREATE DATABASE {name}"))
+    admin.dispose()
+    return f"{postgres_server}/{name}"
+
+
+@pytest.fixture(params=["sqlite", POSTGRES])
+def empty_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """URL of a database without tables, once of each kind."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path}/store.sqlite"
+    return request.getfixturevalue("postgres_url")
+
+
+@pytest.fixture
+def engine(empty_url: str) -> Iterator[sa.Engine]:
+    """A migrated store, once on each kind of database."""
+    opened = create_store_engine(empty_url)
+    migrate(opened)
+    yield opened
+    opened.dispose()
+
+
+@pytest.fixture
+def sqlite_engine(tmp_path: Path) -> Iterator[sa.Engine]:
+    """A migrated store in a SQLite file."""
+    opened = create_store_engine(f"sqlite:///{tmp_path}/store.sqlite")
+    migrate(opened)
+    yield opened
+    opened.dispose()
+
+
+def _server_user() -> str:
+    """PostgreSQL refuses to run as root; Debian's package makes a user for it."""
+    if os.geteuid() != 0:
+        return getpass.getuser()
+    try:
+        return pwd.getpwnam("postgres").pw_name
+    except KeyError:
+        pytest.skip("PostgreSQL does not run as root and there is no user postgres")
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
