@@ -78,7 +78,7 @@ def model_of(
     total_m = length_m(line)
     grid = int(total_m // step_m) + 1
     mean_dbm = rng.uniform(-120, -60, (grid, len(cells))).astype(np.float32)
-    mean_dbm[: grid // 4, 0] = np.nan
+    mean_dbm[: grid // 4, :1] = np.nan
     edges_m = np.linspace(0.0, total_m, segment_count + 1)
     return RoadModel(
         road_id=road_id,
@@ -92,8 +92,7 @@ def model_of(
         features=rng.normal(size=(5, len(cells))),
         salience=salience(rng, len(cells)),
         segments=tuple(
-            _segment(rng, index, edges_m[index], edges_m[index + 1], line, cells)
-            for index in range(segment_count)
+            _segment(rng, index, edges_m, line, cells) for index in range(segment_count)
         ),
         pass_count=2,
         sample_count=grid * 2,
@@ -101,7 +100,10 @@ def model_of(
     )
 
 
-def _segment(rng, index, start_m, end_m, line, cells) -> Segment:
+def _segment(
+    rng: np.random.Generator, index: int, edges_m: np.ndarray, line: Line, cells
+) -> Segment:
+    start_m, end_m = edges_m[index], edges_m[index + 1]
     middle = point_at(line, (start_m + end_m) / 2)
     curves = tuple(
         Curve(

@@ -44,9 +44,14 @@ def test_sqlite_is_durable_and_holds_its_foreign_keys(sqlite_engine):
 
 def test_a_failed_transaction_leaves_nothing(engine):
     """What was written before an exception is taken back."""
-    with pytest.raises(ZeroDivisionError), write(engine) as connection:
-        note_cells(connection, ["850:1"])
-        raise ZeroDivisionError
+
+    def fail() -> None:
+        with write(engine) as connection:
+            note_cells(connection, ["850:1"])
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
     assert count_cells(engine) == 0
 
 
@@ -54,7 +59,7 @@ def test_a_writer_sees_what_the_writer_before_it_committed(engine):
     """Two read-then-write transactions at once lose no update: the second waits for the first."""
     inside, go = threading.Event(), threading.Event()
 
-    def add_one(wait: bool) -> None:
+    def add_one(*, wait: bool) -> None:
         with write(engine) as connection:
             seen = connection.scalar(sa.select(sa.func.count()).select_from(cells))
             if wait:
@@ -62,10 +67,10 @@ def test_a_writer_sees_what_the_writer_before_it_committed(engine):
                 assert go.wait(10)
             note_cells(connection, [f"850:{seen}"])
 
-    first = threading.Thread(target=add_one, args=(True,))
+    first = threading.Thread(target=add_one, kwargs={"wait": True})
     first.start()
     assert inside.wait(10)
-    second = threading.Thread(target=add_one, args=(False,))
+    second = threading.Thread(target=add_one, kwargs={"wait": False})
     second.start()
     time.sleep(0.1)
     assert second.is_alive()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -63,21 +64,14 @@ def test_two_that_start_at_once_both_succeed(empty_url):
     """Eight starts at the same moment on an empty database: one migrates, nobody fails."""
     engines = [create_store_engine(empty_url) for _ in range(8)]
     together = threading.Barrier(len(engines))
-    faults: list[BaseException] = []
 
-    def start(engine: sa.Engine) -> None:
+    def start(engine: sa.Engine) -> bool:
         together.wait()
-        try:
-            migrate(engine)
-        except BaseException as fault:
-            faults.append(fault)
+        return migrate(engine)
 
-    threads = [threading.Thread(target=start, args=(engine,)) for engine in engines]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert faults == []
+    with ThreadPoolExecutor(len(engines)) as pool:
+        did = list(pool.map(start, engines))
+    assert sum(did) >= 1
     assert revision(engines[0]) == SCHEMA_REVISION
     for engine in engines:
         engine.dispose()
