@@ -69,6 +69,19 @@ class Settings(BaseModel):
         """The SQLAlchemy URL in force: ``database_url``, or the SQLite file of the data folder."""
         return self.database_url or f"sqlite:///{self.data_dir.absolute() / SQLITE_FILE}"
 
+    @property
+    def metrics_dir(self) -> Path:
+        """Where several API processes keep the counters that `/metrics` adds up."""
+        return self.data_dir.absolute() / "metrics"
+
+    def to_environment(self) -> dict[str, str]:
+        """These settings as variables, for processes that inherit an environment."""
+        return {
+            ENV_PREFIX + name.upper(): str(value)
+            for name in type(self).model_fields
+            if (value := getattr(self, name)) is not None
+        }
+
     @classmethod
     def from_environment(cls, environ: Mapping[str, str], **overrides: object) -> Settings:
         """

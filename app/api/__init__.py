@@ -1,0 +1,1 @@
+"""The HTTP edge: validates once, calls one service, answers once."""

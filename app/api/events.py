@@ -1,0 +1,44 @@
+"""A build as a stream of server-sent events."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from time import monotonic
+
+import orjson
+from sqlalchemy import Engine
+from starlette.concurrency import run_in_threadpool
+
+from app.api.documents import build_document
+from app.api.replies import OPTIONS
+from app.api.state import Limits
+from app.services.builds import BuildState, get_build
+
+TERMINAL = frozenset({"successful", "failed", "dismissed"})
+KEEP_ALIVE = b": still building\n\n"
+
+
+async def build_events(engine: Engine, build: BuildState, limits: Limits) -> AsyncIterator[bytes]:
+    """
+    One event now and one a change, until the build is finished; comments in longer silences.
+
+    The store is asked in a thread, so that a slow disk holds up nobody else.
+    """
+    yield _event(build)
+    spoken_at_s = monotonic()
+    while build.status not in TERMINAL:
+        await asyncio.sleep(limits.event_poll_interval_s)
+        latest = await run_in_threadpool(get_build, engine, build.id)
+        if latest != build:
+            build = latest
+            yield _event(build)
+            spoken_at_s = monotonic()
+        elif monotonic() - spoken_at_s >= limits.event_keep_alive_s:
+            yield KEEP_ALIVE
+            spoken_at_s = monotonic()
+
+
+def _event(build: BuildState) -> bytes:
+    document = orjson.dumps(build_document(build), option=OPTIONS)
+    return b"id: " + build.status.encode() + b"\ndata: " + document + b"\n\n"

@@ -1,0 +1,52 @@
+"""Map versions: which there are, which is served, and changing that."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Depends, Request
+from starlette.responses import Response
+
+from app.api.content import require_json
+from app.api.documents import map_document
+from app.api.openapi import problems
+from app.api.replies import reply, unless_same
+from app.api.schemas.builds import MapChoice, MapDocument, MapList
+from app.api.state import EngineOf, StateOf
+from app.errors import NoMap
+from app.services.maps import activate, active_version, get_map, list_maps
+
+router = APIRouter(prefix="/v1/maps", tags=["maps"])
+
+
+@router.get("", response_model=MapList)
+def get_maps(request: Request, engine: EngineOf) -> Response:
+    """All map versions, newest first."""
+    versions = list_maps(engine)
+    active = next((version.version for version in versions if version.active), None)
+    document = {"maps": [map_document(version) for version in versions]}
+    return unless_same(request, f"map-{active}", document)
+
+
+@router.get("/active", response_model=MapDocument, responses=problems(503))
+def get_active_map(request: Request, engine: EngineOf) -> Response:
+    """The map version that is served."""
+    version = active_version(engine)
+    if version is None:
+        raise NoMap
+    return unless_same(request, f"map-{version}", map_document(get_map(engine, version)))
+
+
+@router.put(
+    "/active",
+    response_model=MapDocument,
+    responses=problems(404, 415, 422),
+    dependencies=[Depends(require_json)],
+)
+def put_active_map(body: MapChoice, state: StateOf) -> Response:
+    """
+    Serves another version, older ones included.
+
+    This process serves it when the answer comes; other processes follow within the poll interval.
+    """
+    chosen = activate(state["engine"], body.version)
+    state["maps"].refresh(state["engine"])
+    return reply(map_document(chosen))
