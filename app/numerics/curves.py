@@ -36,7 +36,8 @@ class Basis:
     def over(cls, length_m: float, spacing_m: float) -> Basis:
         """Cover ``length_m`` with whole steps of ``spacing_m``."""
         spans = max(1, int(np.ceil(length_m / spacing_m)))
-        return cls(np.arange(-DEGREE, spans + DEGREE + 1) * spacing_m, spans + DEGREE)
+        knots_m = np.arange(-DEGREE, spans + DEGREE + 1, dtype=np.float64) * spacing_m
+        return cls(knots_m, spans + DEGREE)
 
     def at(self, chainage_m: Floats) -> Weights:
         """The four splines that are not zero at each chainage; beyond an end, that end."""
@@ -93,7 +94,7 @@ def fit_curves(
 
     Args:
         chainage_m: Where each sample was taken, any order, all passes together.
-        rsrp_dbm: NaN = not heard; every cell must be heard at least once.
+        rsrp_dbm: NaN = not heard; a cell never heard gets a flat curve of no meaning.
         grid_m: Chainages at which the curves are wanted.
         spacing_m: Distance of the knots.
         strength: Penalty to use; None chooses it by restricted likelihood.
@@ -104,9 +105,7 @@ def fit_curves(
     solved = [_solve(problem, chosen) for problem in problems]
     pooled = sum(s.misfit for s in solved) / max(sum(p.count for p in problems), 1)
     misfit, count = np.array([s.misfit for s in solved]), np.array([p.count for p in problems])
-    noise_db = np.sqrt(
-        (misfit + NOISE_PRIOR_SAMPLES * pooled) / (count + NOISE_PRIOR_SAMPLES)
-    )
+    noise_db = np.sqrt((misfit + NOISE_PRIOR_SAMPLES * pooled) / (count + NOISE_PRIOR_SAMPLES))
     coefficients = np.stack(
         [s.coefficients_dbm + p.level_dbm for s, p in zip(solved, problems, strict=True)], axis=1
     )
@@ -148,7 +147,7 @@ def _normal_equations(basis: Basis, chainage_m: Floats, rsrp_dbm: Floats) -> lis
 def _one_problem(size: int, weights: Weights, rsrp_dbm: Floats) -> _Problem:
     heard = ~np.isnan(rsrp_dbm)
     first, value = weights.first[heard], weights.value[heard]
-    level = float(np.median(rsrp_dbm[heard]))
+    level = float(np.median(rsrp_dbm[heard])) if heard.any() else 0.0
     deviation = rsrp_dbm[heard] - level
     gram = np.zeros((DEGREE + 1, size))
     right = np.zeros(size)
@@ -173,7 +172,7 @@ def _solve(problem: _Problem, strength: float) -> _Solution:
     matrix[DEGREE] += RIDGE
     factor = cholesky_banded(matrix, check_finite=False)
     coefficients = cho_solve_banded((factor, False), problem.right, check_finite=False)
-    misfit = max(problem.square_sum - float(coefficients @ problem.right), 1e-6)
+    misfit = max(problem.square_sum - float(coefficients @ problem.right), 0.0)
     return _Solution(coefficients, factor, misfit, 2.0 * float(np.log(factor[DEGREE]).sum()))
 
 

@@ -38,10 +38,10 @@ def length_m(line: Line) -> float:
 
 def point_at(line: Line, chainage_m: ArrayLike) -> LonLat:
     """Degrees at chainages; beyond an end, that end."""
-    at_m = vertex_chainage_m(line)
-    lon = line.lon[0] + np.interp(chainage_m, at_m, _unwrapped_lon(line) - line.lon[0])
+    at_m, wanted_m = vertex_chainage_m(line), np.asarray(chainage_m, dtype=float)
+    lon = line.lon[0] + np.interp(wanted_m, at_m, _unwrapped_lon(line) - line.lon[0])
     lon = np.where(np.abs(lon) > 180.0, (lon + 180.0) % 360.0 - 180.0, lon)
-    return LonLat(lon, np.interp(chainage_m, at_m, line.lat))
+    return LonLat(lon, np.interp(wanted_m, at_m, line.lat))
 
 
 def heading_deg(line: Line, chainage_m: float) -> float:

@@ -4,14 +4,14 @@ What a window says of a place: the likelihood that every matcher shares.
 A sample of a vehicle at chainage ``s`` hears cell ``k`` with probability ``p_k(s)`` and reads it as
 ``N(mu_k(s) + b, sigma_k(s)^2)``, where ``b`` is the device's offset, common to the window. Readings
 are compared with a featureless background (any level within 50 dB, any cell), so that scores of
-places that know different cells compare. For one sample the logarithm is linear in four terms of the
-map, which is why whole roads are scored by one matrix product:
+places that know different cells compare. For one sample the logarithm is linear in four terms of
+the map, which is why whole roads are scored by one matrix product:
 
     sum over heard k of [-1/2 (A y^2 - 2 B y + C) + h L]  +  h base
 
-with ``A = 1/sigma^2``, ``B = A mu``, ``C = A mu^2 + log(sigma^2 2 pi) - 2 log 50``, ``L`` the logit of
-``p_k`` and ``base`` the sum over all mapped cells of ``log(1 - p_k)``; ``y`` and ``mu`` are counted
-from `CENTRE_DBM` so that float32 keeps every digit that matters.
+with ``A = 1/sigma^2``, ``B = A mu``, ``C = A mu^2 + log(2 pi sigma^2) - 2 log 50``, ``L`` the logit
+of ``p_k`` and ``base`` the sum over all mapped cells of ``log(1 - p_k)``; ``y`` and ``mu`` are
+counted from `CENTRE_DBM` so that float32 keeps every digit that matters.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def evidence(
     """
     behind_m = distance_m[-1] - distance_m[::-1]
     rsrp = rsrp_dbm[::-1]
-    known = rsrp == rsrp
+    known = ~np.isnan(rsrp)
     level_db = np.where(known, rsrp - CENTRE_DBM, 0.0)
     heard = known.astype(float)
     stretch = np.rint(behind_m / step_m).astype(np.intp)
@@ -127,7 +127,7 @@ def evidence(
 
 
 def sample_weight(behind_m: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
-    """Each sample's share of road over `CORRELATION_M`, at most 1: half the way to each neighbour."""
+    """Each sample's share of `CORRELATION_M` of road, at most 1: half the way to either side."""
     if len(behind_m) == 1:
         return np.ones(1)
     gap_m = behind_m[1:] - behind_m[:-1]

@@ -1,0 +1,152 @@
+"""
+Evidence for calibration: a road's own windows against curves that have not seen them.
+
+Passes are held out by day; a road with one pass, or one day, has windows drawn from its own curves
+and spread instead, which say nothing of devices and days and are marked so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from app.numerics.alignment import align
+from app.numerics.calibration import (
+    DEFAULT_OFFSET_SD_DB,
+    EVIDENCE_COLUMNS,
+    TEMPERATURES,
+    fit_per_reading,
+)
+from app.numerics.observation import Profile, evidence, profile
+from app.numerics.passes import RoadPass
+from app.numerics.query import FINE_STEP_M, Query
+
+WINDOW_LENGTHS_M = (30.0, 60.0, 120.0, 200.0)
+WINDOWS_PER_LENGTH = 12
+NEAR_TRUTH_M = 3.0  # posterior mass this close to the truth is what a temperature must make large
+MOST_FOLDS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """A road's model on its grid: what a window is aligned with."""
+
+    mean_dbm: Float[np.ndarray, "grid cells"]
+    spread_db: Float[np.ndarray, "grid cells"]
+    heard: Float[np.ndarray, "grid cells"]
+
+    def profile(self) -> Profile:
+        """Ready for scoring."""
+        return profile(self.mean_dbm, self.spread_db, self.heard)
+
+
+def held_out_evidence(
+    passes: Sequence[RoadPass],
+    cells: tuple[str, ...],
+    surface: Surface,
+    refit: Callable[[Sequence[RoadPass]], Surface],
+    step_m: float,
+) -> Float[np.ndarray, "windows columns"]:
+    """
+    One row a window, columns as in `EVIDENCE_COLUMNS`.
+
+    Args:
+        passes: All passes of the road; their columns are ``cells``.
+        surface: Fitted to all of them.
+        refit: Fits a surface to some of them.
+    """
+    rows: list[list[float]] = []
+    folds = _folds(passes)
+    if len(folds) > 1:
+        for held in folds:
+            others = [p for p in passes if p not in held]
+            along = refit(others).profile()
+            for one in held:
+                rows += _windows(one, cells, along, step_m, measured=True)
+    else:
+        along = surface.profile()
+        for number, one in enumerate(passes[:MOST_FOLDS]):
+            drawn = _redrawn(one, surface, step_m, seed=number)
+            rows += _windows(drawn, cells, along, step_m, measured=False)
+    return np.array(rows, dtype=np.float32).reshape(-1, len(EVIDENCE_COLUMNS))
+
+
+def _folds(passes: Sequence[RoadPass]) -> list[list[RoadPass]]:
+    groups = sorted({one.group for one in passes})
+    count = min(MOST_FOLDS, len(groups))
+    fold = {group: index % count for index, group in enumerate(groups)}
+    return [[one for one in passes if fold[one.group] == index] for index in range(count)]
+
+
+def _redrawn(one: RoadPass, surface: Surface, step_m: float, seed: int) -> RoadPass:
+    """The same drive with readings drawn from the model; seeded by the pass, so repeatable."""
+    rng = np.random.default_rng(seed)
+    at = np.clip(np.rint(one.chainage_m / step_m).astype(int), 0, len(surface.mean_dbm) - 1)
+    heard = rng.random((len(at), surface.mean_dbm.shape[1])) < surface.heard[at]
+    drawn = surface.mean_dbm[at] + surface.spread_db[at] * rng.standard_normal(heard.shape)
+    rsrp = np.where(heard, drawn, np.nan)
+    return RoadPass(one.chainage_m, rsrp, (~np.isnan(rsrp)).astype(float), one.group)
+
+
+def _windows(
+    one: RoadPass, cells: tuple[str, ...], along: Profile, step_m: float, *, measured: bool
+) -> list[list[float]]:
+    travelled_m = one.travelled_m
+    rows = []
+    for length in WINDOW_LENGTHS_M:
+        if travelled_m[-1] < length:
+            continue
+        for end_m in np.linspace(length, travelled_m[-1], WINDOWS_PER_LENGTH)[1:]:
+            last = min(int(np.searchsorted(travelled_m, end_m)), len(travelled_m) - 1)
+            first = int(np.searchsorted(travelled_m, travelled_m[last] - length))
+            row = _one_window(one, first, last, cells, along, step_m)
+            if row is not None:
+                rows.append(
+                    [row.fit, row.offset_db, row.variance_db2, float(measured), *row.log_mass]
+                )
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    fit: float
+    offset_db: float
+    variance_db2: float
+    log_mass: list[float]
+
+
+def _one_window(
+    one: RoadPass, first: int, last: int, cells: tuple[str, ...], along: Profile, step_m: float
+) -> _Outcome | None:
+    rsrp = one.rsrp_dbm[first : last + 1]
+    heard = np.flatnonzero(~np.isnan(rsrp).all(axis=0))
+    if len(heard) == 0:
+        return None
+    distance_m = one.travelled_m[first : last + 1]
+    names = tuple(cells[column] for column in heard)
+    seen = evidence(distance_m, rsrp[:, heard], FINE_STEP_M)
+    query = Query(names, (), distance_m, rsrp[:, heard], seen)
+    column = {cell: index for index, cell in enumerate(cells)}
+    grid = np.arange(len(along.base))
+    both = [
+        align(along, column, query, grid, sign, step_m, DEFAULT_OFFSET_SD_DB)
+        for sign in (one.sign, -one.sign)
+    ]
+    score = np.concatenate([fit.score for fit in both])
+    near = np.concatenate([np.abs(grid * step_m - one.chainage_m[last]) <= NEAR_TRUTH_M, grid < 0])
+    truth = int(np.argmax(np.where(near, score, -np.inf)))
+    weight = float(both[0].weight[truth])
+    return _Outcome(
+        fit=fit_per_reading(float(score.max()), seen),
+        offset_db=float(both[0].residual[truth]) / max(weight, 1e-6),
+        variance_db2=1.0 / max(weight, 1e-6),
+        log_mass=[_log_mass(score, near, t) for t in TEMPERATURES],
+    )
+
+
+def _log_mass(score: Float[np.ndarray, " places"], near: np.ndarray, temperature: float) -> float:
+    weight = np.exp((score - score.max()) / temperature)
+    return float(np.log(max(weight[near].sum() / weight.sum(), 1e-9)))

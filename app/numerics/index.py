@@ -1,0 +1,227 @@
+"""
+A map version in memory: plain arrays, built once, read by every query.
+
+Each road has its fine profile, one column a metre of curve. Neighbouring roads also share a *tape*:
+their salient cells' profiles at coarse steps, laid end to end with gaps, so that one matrix product
+scores every sub-segment of all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+from numpy.typing import ArrayLike
+
+from app.domain import Calibration, Line, RadioMap, RoadModel
+from app.numerics.geodesy import Floats, LocalFrame
+from app.numerics.lines import point_at
+from app.numerics.observation import Profile, profile
+
+COARSE_STEPS_M = (4.0, 8.0, 16.0)  # each serves windows up to GAP times as long
+GAP = 26  # empty columns between roads on a tape: a window may reach that far off a road's end
+TAPE_COLUMNS = 1600  # beyond, a tape's matrix product costs more than starting another
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoadIndex:
+    """One road, ready for alignment. ``x_m`` and ``y_m`` are the grid in the map's local frame."""
+
+    road_id: str
+    number: int
+    line: Line
+    length_m: float
+    step_m: float
+    column: dict[str, int]
+    along: Profile
+    x_m: Floats
+    y_m: Floats
+    edges_m: Floats
+
+    @property
+    def grid_size(self) -> int:
+        """Number of grid positions."""
+        return len(self.x_m)
+
+    def xy_at(self, chainage_m: ArrayLike) -> Floats:
+        """Local metres at chainages, straight between grid positions. Shape ``(2, ...)``."""
+        at = np.asarray(chainage_m, dtype=float) / self.step_m
+        low = np.minimum(at.astype(np.intp), self.grid_size - 2)
+        share = at - low
+        return np.stack([v[low] + share * (v[low + 1] - v[low]) for v in (self.x_m, self.y_m)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoarseProfile:
+    """
+    A tape at one step.
+
+    Attributes:
+        along: Profile of the tape's cells over all its columns, gaps included.
+        outside: 1 in the gaps, else 0. Shape ``(columns,)``.
+        positions: The columns that are road. Shape ``(positions,)``.
+        road: Road number of each position.
+        chainage_m: Chainage of each position on its road.
+    """
+
+    step_m: float
+    along: Profile
+    outside: Float32[np.ndarray, " columns"]
+    positions: Int[np.ndarray, " positions"]
+    road: Int[np.ndarray, " positions"]
+    chainage_m: Float[np.ndarray, " positions"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tape:
+    """
+    Neighbouring roads that are scored together.
+
+    Attributes:
+        roads: Numbers of the roads, in the order of their columns.
+        column: Row of each salient cell.
+        levels: The same stretch at each of `COARSE_STEPS_M`.
+    """
+
+    roads: tuple[int, ...]
+    column: dict[str, int]
+    levels: tuple[CoarseProfile, ...]
+
+
+class MapIndex:
+    """A whole map version, immutable after `build`."""
+
+    def __init__(self, radio_map: RadioMap, roads: Sequence[RoadIndex], frame: LocalFrame) -> None:
+        self.version = radio_map.version
+        self.calibration: Calibration = radio_map.calibration
+        self.roads = tuple(roads)
+        self.road_ids = tuple(road.road_id for road in roads)
+        self.cells = frozenset().union(*(road.column for road in roads)) if roads else frozenset()
+        self.frame = frame
+        self.tapes = tuple(
+            _lay_tape([radio_map.models[i] for i in group], group)
+            for group in _groups(radio_map.models)
+        )
+
+    @classmethod
+    def build(cls, radio_map: RadioMap) -> MapIndex:
+        """Lay out a map version for matching; numpy only, some 10 ms a road."""
+        lines = [model.line for model in radio_map.models]
+        frame = LocalFrame(
+            float(np.mean([line.lon[0] for line in lines])) if lines else 0.0,
+            float(np.mean([line.lat[0] for line in lines])) if lines else 0.0,
+        )
+        roads = [_road(i, model, frame) for i, model in enumerate(radio_map.models)]
+        return cls(radio_map, roads, frame)
+
+
+def _road(number: int, model: RoadModel, frame: LocalFrame) -> RoadIndex:
+    grid_m = np.minimum(np.arange(len(model.mean_dbm)) * model.step_m, model.length_m)
+    where = point_at(model.line, grid_m)
+    plane = frame.to_xy(where.lon, where.lat)
+    return RoadIndex(
+        road_id=model.road_id,
+        number=number,
+        line=model.line,
+        length_m=model.length_m,
+        step_m=model.step_m,
+        column={cell: index for index, cell in enumerate(model.cells)},
+        along=profile(model.mean_dbm, model.spread_db, model.heard),
+        x_m=plane.x_m,
+        y_m=plane.y_m,
+        edges_m=np.array([s.start_m for s in model.segments] + [model.length_m]),
+    )
+
+
+def _groups(models: Sequence[RoadModel]) -> list[tuple[int, ...]]:
+    """Neighbours together, each group short enough for one product; along a Z-order curve."""
+    order = sorted(range(len(models)), key=lambda i: _morton(models[i].line))
+    groups: list[tuple[int, ...]] = []
+    current: list[int] = []
+    columns = 0.0
+    for i in order:
+        wanted = models[i].length_m / COARSE_STEPS_M[0] + GAP
+        if current and columns + wanted > TAPE_COLUMNS:
+            groups.append(tuple(current))
+            current, columns = [], 0.0
+        current.append(i)
+        columns += wanted
+    return [*groups, tuple(current)] if current else groups
+
+
+def _morton(line: Line) -> int:
+    """Interleaved bits of the line's middle, so that near roads get near numbers."""
+    x = int((float(np.mean(line.lon)) + 180.0) / 360.0 * (1 << 24))
+    y = int((float(np.mean(line.lat)) + 90.0) / 180.0 * (1 << 24))
+    return sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(24))
+
+
+def salient_cells(model: RoadModel) -> list[str]:
+    """Cells of which the road, or any of its sub-segments, has a salient feature."""
+    chosen = model.salience.mask.any(axis=0)
+    for segment in model.segments:
+        chosen = chosen | segment.salience.mask.any(axis=0)
+    return [cell for cell, salient in zip(model.cells, chosen, strict=True) if salient]
+
+
+def _lay_tape(models: Sequence[RoadModel], numbers: tuple[int, ...]) -> Tape:
+    cells = sorted({cell for model in models for cell in salient_cells(model)})
+    column = {cell: row for row, cell in enumerate(cells)}
+    levels = tuple(_lay_level(models, numbers, column, step) for step in COARSE_STEPS_M)
+    return Tape(numbers, column, levels)
+
+
+def _lay_level(
+    models: Sequence[RoadModel], numbers: tuple[int, ...], column: dict[str, int], step_m: float
+) -> CoarseProfile:
+    parts = [_coarse_road(model, column, step_m) for model in models]
+    gap = np.full((GAP, len(column)), np.nan)
+    mean, spread, heard = (
+        np.concatenate([gap, *(block for part in parts for block in (part[i], gap))])
+        for i in range(3)
+    )
+    sizes = [len(part[0]) for part in parts]
+    starts = GAP + np.concatenate([[0], np.cumsum(np.array(sizes[:-1], dtype=int) + GAP)])
+    positions = np.concatenate(
+        [start + np.arange(n) for start, n in zip(starts, sizes, strict=True)]
+    )
+    outside = np.ones(len(mean), dtype=np.float32)
+    outside[positions] = 0.0
+    return CoarseProfile(
+        step_m=step_m,
+        along=profile(mean, spread, heard),
+        outside=outside,
+        positions=positions.astype(np.intp),
+        road=np.repeat(np.array(numbers), sizes),
+        chainage_m=np.concatenate([np.arange(n) * step_m for n in sizes]),
+    )
+
+
+def _coarse_road(
+    model: RoadModel, column: dict[str, int], step_m: float
+) -> tuple[Floats, Floats, Floats]:
+    """Mean, spread and hearing of the tape's cells over stretches centred ``step_m`` apart."""
+    factor = round(step_m / model.step_m)
+    size = int(np.ceil((len(model.mean_dbm) + factor // 2) / factor))
+    before, after = factor // 2, size * factor - factor // 2 - len(model.mean_dbm)
+    own = [index for index, cell in enumerate(model.cells) if cell in column]
+    rows = [column[model.cells[index]] for index in own]
+
+    def blocks(values: Floats) -> Floats:
+        padded = np.pad(values[:, own], ((before, after), (0, 0)), constant_values=np.nan)
+        return padded.reshape(size, factor, len(own))
+
+    mean, spread = blocks(model.mean_dbm), blocks(model.spread_db)
+    known = ~np.isnan(mean)
+    count = np.maximum(known.sum(axis=1), 1)
+    level = np.where(known, mean, 0.0).sum(axis=1) / count
+    within = np.where(known, (mean - level[:, None]) ** 2 + spread**2, 0.0).sum(axis=1) / count
+    level[~known.any(axis=1)] = np.nan
+    hearing = np.nan_to_num(blocks(model.heard)).sum(axis=1)
+    hearing /= np.maximum((~np.isnan(blocks(model.heard))).sum(axis=1), 1)
+    out = [np.full((size, len(column)), fill) for fill in (np.nan, 1.0, 0.0)]
+    for target, values in zip(out, (level, np.sqrt(within), hearing), strict=True):
+        target[:, rows] = values
+    return out[0], out[1], out[2]

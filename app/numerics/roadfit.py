@@ -1,0 +1,187 @@
+"""From the passes of one road to its model: the whole offline method, as one pure function."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from app.domain import Line, Road, RoadModel, Trace
+from app.errors import NoCells, NotEnoughSamples, RoadTooShort
+from app.numerics.centreline import derive_line
+from app.numerics.curves import FittedCurves, fit_curves
+from app.numerics.features import feature_matrix
+from app.numerics.geodesy import Floats
+from app.numerics.hearing import MAPPED_FROM, heard_probability
+from app.numerics.heldout import Surface, held_out_evidence
+from app.numerics.lines import length_m
+from app.numerics.passes import RoadPass, all_cells, distinct, lay_on_road
+from app.numerics.salience import select_salient
+from app.numerics.segmentation import SegmentationParams, cut_road
+from app.numerics.subsegments import describe_segments
+
+
+@dataclass(frozen=True, slots=True)
+class FitParams:
+    """
+    How a road is fitted.
+
+    Attributes:
+        grid_step_m: Step of the grid on which a serving process sees the curves.
+        min_readings: A cell heard in fewer rows has no curve.
+        min_rows: Fewer rows on the road make no model.
+        knot_spacing_m: Finest and coarsest distance of spline knots; between them, twice the
+            typical distance of a pass's rows.
+    """
+
+    grid_step_m: float = 1.0
+    min_readings: int = 8
+    min_rows: int = 8
+    knot_spacing_m: tuple[float, float] = (2.0, 6.0)
+    segmentation: SegmentationParams = field(default_factory=SegmentationParams)
+
+
+def fit_road(road: Road, passes: Sequence[Trace], params: FitParams = FitParams()) -> RoadModel:
+    """
+    Fit a road: curves, sub-segments, features, salience and evidence.
+
+    Args:
+        road: Its line, where it has one; else the passes draw it.
+        passes: Survey passes; exact copies count once, and their order moves nothing.
+
+    Raises:
+        NotEnoughSamples, NoCells, RoadTooShort: The passes say too little of this road.
+    """
+    measured = sorted(
+        distinct(passes), key=lambda trace: (trace.lon.tobytes(), trace.time_s.tobytes())
+    )
+    if not measured:
+        raise NotEnoughSamples(needed=params.min_rows, got=0)
+    line = road.line if road.line is not None else derive_line(measured)
+    end_m = length_m(line)
+    if end_m < params.segmentation.min_length_m:
+        raise RoadTooShort(needed_m=params.segmentation.min_length_m, got_m=end_m)
+    laid = _lay_all(line, measured, params)
+    work = _Fitting(end_m, _spacing_m(laid.passes, params), params.grid_step_m)
+    curves = work.curves(laid.passes)
+    surface = work.surface(laid.passes, curves)
+    reference = _reference(laid.cells, measured, surface)
+    return _assemble(road, line, laid, work, curves, surface, reference, params)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Laid:
+    """Passes on the road, with the cells that are heard often enough."""
+
+    cells: tuple[str, ...]
+    passes: list[RoadPass]
+
+
+def _lay_all(line: Line, traces: Sequence[Trace], params: FitParams) -> _Laid:
+    cells = all_cells(traces)
+    laid = [lay_on_road(line, trace, cells, f"pass-{i}") for i, trace in enumerate(traces)]
+    passes = [one for one in laid if one is not None]
+    rows = sum(len(one.chainage_m) for one in passes)
+    if rows < params.min_rows:
+        raise NotEnoughSamples(needed=params.min_rows, got=rows)
+    readings = np.sum([(~np.isnan(one.rsrp_dbm)).sum(axis=0) for one in passes], axis=0)
+    often = readings >= params.min_readings
+    if not often.any():
+        raise NoCells(heard=len(cells), needed_samples=params.min_readings)
+    kept = [
+        replace(one, rsrp_dbm=one.rsrp_dbm[:, often], heard=one.heard[:, often]) for one in passes
+    ]
+    return _Laid(tuple(cell for cell, keep in zip(cells, often, strict=True) if keep), kept)
+
+
+def _spacing_m(passes: Sequence[RoadPass], params: FitParams) -> float:
+    gaps_m = np.concatenate([np.abs(np.diff(one.chainage_m)) for one in passes])
+    finest, coarsest = params.knot_spacing_m
+    return float(np.clip(2.0 * np.median(gaps_m), finest, coarsest))
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitting:
+    """How this road's curves are fitted, to all passes and again to some."""
+
+    end_m: float
+    spacing_m: float
+    step_m: float
+
+    @property
+    def grid_m(self) -> Floats:
+        """Chainages of the grid; the last may lie a little beyond the end."""
+        return np.arange(int(np.ceil(self.end_m / self.step_m - 1e-9)) + 1) * self.step_m
+
+    def curves(self, passes: Sequence[RoadPass], strength: float | None = None) -> FittedCurves:
+        """Splines of every cell that these passes heard; the others' are flat and unmapped."""
+        chainage_m = np.concatenate([one.chainage_m for one in passes])
+        rsrp = np.concatenate([one.rsrp_dbm for one in passes])
+        return fit_curves(chainage_m, rsrp, self.grid_m, self.spacing_m, strength)
+
+    def surface(self, passes: Sequence[RoadPass], curves: FittedCurves) -> Surface:
+        """Curves and hearing on the grid, NaN where no sample near heard the cell."""
+        chainage_m = np.concatenate([one.chainage_m for one in passes])
+        share = np.concatenate([one.heard for one in passes])
+        heard = heard_probability(chainage_m, share, len(self.grid_m), self.step_m)
+        mapped = heard >= MAPPED_FROM
+        return Surface(
+            np.where(mapped, curves.mean_dbm, np.nan).astype(np.float32),
+            np.where(mapped, curves.spread_db, np.nan).astype(np.float32),
+            heard.astype(np.float32),
+        )
+
+
+def _reference(cells: tuple[str, ...], traces: Sequence[Trace], surface: Surface) -> int:
+    """The surveys' reference cell if they name one that is mapped, else the one heard most."""
+    named = [trace.reference_cell for trace in traces if trace.reference_cell in cells]
+    if named:
+        return cells.index(max(sorted(set(named)), key=named.count))
+    return int(np.argmax(surface.heard.mean(axis=0)))
+
+
+def _assemble(
+    road: Road,
+    line: Line,
+    laid: _Laid,
+    work: _Fitting,
+    curves: FittedCurves,
+    surface: Surface,
+    reference: int,
+    params: FitParams,
+) -> RoadModel:
+    edges_m = cut_road(surface.mean_dbm, work.step_m, work.end_m, params.segmentation)
+    salience, parts = select_salient(
+        surface.mean_dbm, surface.spread_db, surface.heard, work.step_m, edges_m, reference
+    )
+
+    def refit(passes: Sequence[RoadPass]) -> Surface:
+        return work.surface(passes, work.curves(passes, curves.strength))
+
+    return RoadModel(
+        road_id=road.road_id,
+        line=line,
+        length_m=work.end_m,
+        cells=laid.cells,
+        step_m=work.step_m,
+        mean_dbm=surface.mean_dbm,
+        spread_db=surface.spread_db,
+        heard=surface.heard,
+        features=feature_matrix(surface.mean_dbm, work.grid_m, reference),
+        salience=salience,
+        segments=describe_segments(
+            line,
+            edges_m,
+            laid.cells,
+            surface.mean_dbm,
+            work.step_m,
+            reference,
+            curves,
+            laid.passes,
+            parts,
+        ),
+        pass_count=len(laid.passes),
+        sample_count=sum(len(one.chainage_m) for one in laid.passes),
+        evidence=held_out_evidence(laid.passes, laid.cells, surface, refit, work.step_m),
+    )
