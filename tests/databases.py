@@ -1,4 +1,4 @@
-"""Empty databases for tests: SQLite files, and a PostgreSQL server of our own where there is one."""
+"""Empty databases for tests: SQLite files, and a PostgreSQL server where its programs are."""
 
 from __future__ import annotations
 

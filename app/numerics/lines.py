@@ -79,7 +79,8 @@ def project(line: Line, lon: ArrayLike, lat: ArrayLike) -> Projection:
     away = np.hypot(from_x - share * dx, from_y - share * dy)
     piece = np.argmin(away, axis=1)
     row = np.arange(len(piece))
-    side = np.sign(dx[piece] * from_y[row, piece] - dy[piece] * from_x[row, piece])
+    turn = dx[piece] * from_y[row, piece] - dy[piece] * from_x[row, piece]
+    side = np.where(turn < 0, -1.0, 1.0)  # never 0: a point straight beyond an end is off the line
     at_m = vertex_chainage_m(line)
     chainage_m = at_m[piece] + share[row, piece] * np.diff(at_m)[piece]
     return Projection(chainage_m, side * away[row, piece])
