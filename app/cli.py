@@ -9,6 +9,7 @@ and a docstring that teaches. A module is imported only when its subcommand is a
 from __future__ import annotations
 
 import importlib
+import keyword
 from typing import Any
 
 import typer
@@ -17,6 +18,11 @@ from typer.core import TyperGroup
 COMMANDS: dict[str, str] = {
     "serve": "app.commands.serve",
     "worker": "app.commands.worker",
+    "demo": "app.commands.demo",
+    "import": "app.commands.import_",
+    "build": "app.commands.build",
+    "locate": "app.commands.locate",
+    "simulate": "app.commands.simulate",
     "openapi": "app.commands.openapi",
 }
 """Subcommand -> the module whose function of that name it runs. Add a line to add a subcommand."""
@@ -35,8 +41,13 @@ class LazyGroup(TyperGroup):
             return None
         module = importlib.import_module(COMMANDS[cmd_name])
         single = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        single.command(cmd_name)(getattr(module, cmd_name))
+        single.command(cmd_name)(getattr(module, _function_name(cmd_name)))
         return typer.main.get_command(single)
+
+
+def _function_name(command: str) -> str:
+    """The subcommand's name, with an underscore where Python keeps the word for itself."""
+    return f"{command}_" if keyword.iskeyword(command) else command
 
 
 app = typer.Typer(

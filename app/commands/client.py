@@ -1,0 +1,152 @@
+"""A roadprint service over HTTP."""
+
+from __future__ import annotations
+
+import gzip
+import time
+from collections.abc import Iterator, Sequence
+from types import TracebackType
+from typing import Any, Self
+from urllib.parse import quote
+
+import httpx
+import orjson
+
+from app.commands.target import (
+    BuildView,
+    Document,
+    Posted,
+    Refused,
+    Unreachable,
+    road_document,
+)
+from app.domain import Road
+
+TIMEOUT_S = 60.0  # storing a long drive on a busy disk
+POLL_S = 0.5
+PACKED_FROM_BYTES = 4096  # smaller bodies cost more to pack than to send
+
+
+class HttpTarget:
+    """A service at ``url``. Use as a context manager."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url.rstrip("/")
+        self._client = httpx.Client(base_url=self.url, timeout=TIMEOUT_S)
+
+    def __enter__(self) -> Self:
+        """Open for requests."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the connections."""
+        self._client.close()
+
+    def put_road(self, road: Road) -> None:
+        """Create a road, or set its name and line."""
+        self._send("PUT", f"/v1/roads/{quote(road.road_id, safe='')}", road_document(road))
+
+    def post_survey(self, document: Document, key: str | None) -> Posted:
+        """Store one survey, without building."""
+        headers = {} if key is None else {"Idempotency-Key": key}
+        answer = self._send("POST", "/v1/surveys?build=false", document, headers)
+        stored = answer.json()
+        replayed = "idempotency-replayed" in answer.headers
+        return Posted(stored["survey_id"], tuple(stored["roads"]), replayed)
+
+    def request_build(self, road_ids: Sequence[str] | None) -> BuildView:
+        """Ask for a build of these roads, of all when None."""
+        body = {"road_ids": None if road_ids is None else list(road_ids)}
+        return _view(self._send("POST", "/v1/builds", body).json())
+
+    def follow(self, build_id: str) -> Iterator[BuildView]:
+        """The build's states by server-sent events; asked for anew when the stream breaks."""
+        while True:
+            for view in self._events(build_id):
+                yield view
+                if view.finished:
+                    return
+            time.sleep(POLL_S)  # a proxy cut the stream, or the service starts anew
+            view = _view(self._send("GET", f"/v1/builds/{build_id}").json())
+            yield view
+            if view.finished:
+                return
+
+    def locate(self, document: Document) -> Document:
+        """The fix of one window."""
+        fix: Document = self.locate_response(document).json()
+        return fix
+
+    def locate_response(self, document: Document) -> httpx.Response:
+        """The whole answer to one window: its body is the fix, its headers tell the timing."""
+        return self._send("POST", "/v1/locate", document)
+
+    def is_ready(self) -> bool:
+        """Whether the service takes requests; False while nobody answers."""
+        try:
+            return self._client.get("/readyz").is_success
+        except httpx.TransportError:
+            return False
+
+    def served_version(self) -> int | None:
+        """The map version that the answering process has in memory."""
+        version: int | None = self._send("GET", "/readyz").json()["map_version"]
+        return version
+
+    def _events(self, build_id: str) -> Iterator[BuildView]:
+        try:
+            with self._client.stream("GET", f"/v1/builds/{build_id}/events") as stream:
+                if not stream.is_success:
+                    return
+                for line in stream.iter_lines():
+                    if line.startswith("data:"):
+                        yield _view(orjson.loads(line[5:]))
+        except httpx.TransportError:
+            return
+
+    def _send(
+        self, method: str, path: str, body: Any = None, headers: dict[str, str] | None = None
+    ) -> httpx.Response:
+        sent = dict(headers or {})
+        content = None if body is None else orjson.dumps(body)
+        if content is not None:
+            sent["Content-Type"] = "application/json"
+            if len(content) >= PACKED_FROM_BYTES and method == "POST" and "/locate" not in path:
+                content = gzip.compress(content, compresslevel=1)
+                sent["Content-Encoding"] = "gzip"
+        try:
+            answer = self._client.request(method, path, content=content, headers=sent)
+        except httpx.TransportError as error:
+            raise Unreachable(self.url, error) from error
+        if answer.is_success:
+            return answer
+        raise _refusal(answer)
+
+
+def _refusal(answer: httpx.Response) -> Refused:
+    """What a problem document says; the bare status when there is none."""
+    try:
+        problem = answer.json()
+        places = [f"{each['pointer'] or '/'}: {each['detail']}" for each in problem["errors"]]
+        return Refused(problem["code"], "; ".join(places) or problem["detail"])
+    except (ValueError, KeyError, TypeError):
+        return Refused(f"http-{answer.status_code}", answer.text[:200] or answer.reason_phrase)
+
+
+def _view(document: Document) -> BuildView:
+    problem = document.get("problem") or {}
+    failed = document.get("failed_roads") or []
+    return BuildView(
+        build_id=document["id"],
+        status=document["status"],
+        roads_done=document["roads_done"],
+        roads_total=document["roads_total"],
+        map_version=document["map_version"],
+        failed_roads=tuple(f"{each['road_id']}: {each['detail']}" for each in failed),
+        problem=problem.get("detail"),
+    )
