@@ -9,6 +9,7 @@ named ``broken-...`` have a fit that raises what it should not. Each fit leaves 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import threading
 import time
@@ -33,8 +34,11 @@ def main(data_dir: Path, seconds_a_road: float, database_url: str | None = None)
         cells = tuple(sorted({cell for trace in passes for cell in trace.cells}))
         return model_of(road.road_id, seed=len(passes), line=road.line or line_at(), cells=cells)
 
+    stop = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: stop.set())
     settings = Settings(data_dir=data_dir, database_url=database_url)
-    work(settings, threading.Event(), fit, lambda models: Calibration(window_count=len(models)))
+    work(settings, stop, fit, lambda models: Calibration(window_count=len(models)))
+    os._exit(0)
 
 
 if __name__ == "__main__":
