@@ -86,12 +86,14 @@ def problem_of(error: RoadprintError, instance: str) -> dict[str, object]:
     )
 
 
-async def _on_roadprint_error(request: Request, error: Exception) -> Response:
+async def on_roadprint_error(request: Request, error: Exception) -> Response:
+    """The answer to one of our errors."""
     ours = cast("RoadprintError", error)
     return problem_response(problem_of(ours, request.url.path), _headers_of(ours))
 
 
-async def _on_http_exception(request: Request, error: Exception) -> Response:
+async def on_http_exception(request: Request, error: Exception) -> Response:
+    """The answer to a refusal of ours or the framework's."""
     refused = cast("HTTPException", error)
     path, status, headers = request.url.path, refused.status_code, refused.headers
     code = getattr(refused, "code", None) or CODE_OF_STATUS.get(status, "http-error")
@@ -155,9 +157,14 @@ def unexpected_problem(path: str) -> dict[str, object]:
     )
 
 
+async def _on_defect(request: Request, _error: Exception) -> Response:
+    return problem_response(unexpected_problem(request.url.path))
+
+
 def install(app: FastAPI) -> None:
     """Every handler on the application."""
-    app.add_exception_handler(RoadprintError, _on_roadprint_error)
-    app.add_exception_handler(HTTPException, _on_http_exception)
+    app.add_exception_handler(RoadprintError, on_roadprint_error)
+    app.add_exception_handler(HTTPException, on_http_exception)
     app.add_exception_handler(RequestValidationError, _on_request_validation)
     app.add_exception_handler(OperationalError, _on_store_failure)
+    app.add_exception_handler(Exception, _on_defect)

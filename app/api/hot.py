@@ -14,11 +14,15 @@ from typing import Any
 from fastapi import Request
 from fastapi.routing import APIRoute
 from pydantic import TypeAdapter, ValidationError
+from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
-from starlette.types import Receive, Scope, Send
+from starlette.responses import Response
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.api.content import body_media_type
+from app.api.errors import on_http_exception, on_roadprint_error
 from app.api.faults import invalid_input
+from app.errors import RoadprintError
 
 
 class HotRoute(APIRoute):
@@ -49,6 +53,50 @@ class HotRoute(APIRoute):
             raise invalid_input(error) from None
         response = await self.endpoint(body, Request(scope))
         await response(scope, receive, send)
+
+
+class HotPath:
+    """
+    Hands requests for one `HotRoute` to it before the framework looks at them.
+
+    Saves the exception and exit-stack layers and the search for the route, some 20 microseconds of
+    a fix; the route's own refusals become problems here as they would there.
+    """
+
+    def __init__(self, app: ASGIApp, route: HotRoute) -> None:
+        self.app = app
+        self.route = route
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI entry."""
+        hot = (
+            scope["type"] == "http"
+            and scope["method"] == "POST"
+            and scope["path"] == self.route.path
+        )
+        if not hot:
+            await self.app(scope, receive, send)
+            return
+        scope["route"] = self.route
+        try:
+            await self.route.handle(scope, receive, send)
+        except RoadprintError as error:
+            response = await on_roadprint_error(Request(scope), error)
+            await response(scope, receive, send)
+        except HTTPException as refusal:
+            response = await on_http_exception(Request(scope), refusal)
+            await response(scope, receive, send)
+
+
+class HotResponse(Response):
+    """A JSON answer whose headers are written down, not negotiated."""
+
+    def __init__(self, body: bytes, *headers: tuple[bytes, bytes]) -> None:
+        self.status_code = 200
+        self.background = None
+        self.body = body
+        length = (b"content-length", b"%d" % len(body))
+        self.raw_headers = [(b"content-type", b"application/json"), length, *headers]
 
 
 async def read_body(receive: Receive) -> bytes:

@@ -42,19 +42,18 @@ def window_of(request: LocateRequest, limits: Limits) -> Window:
 def _clean_window(request: LocateRequest, limits: Limits) -> Window | None:
     """The fast twin of `faults_of_window`: the window, or None when there is any fault."""
     cells, rows = request.cells, request.rsrp_dbm
-    if (
-        not 0 < len(rows) <= limits.max_window_samples
-        or not 0 < len(cells) <= limits.max_window_cells
-    ):
-        return None
-    if len(set(cells)) != len(cells) or set(map(len, rows)) != {len(cells)}:
+    if len(rows) > limits.max_window_samples or len(cells) > limits.max_window_cells:
         return None
     way_m = _distance_m(request, len(rows))
-    if way_m is None:
+    if way_m is None or len(set(cells)) != len(cells):
         return None
-    rsrp_dbm = np.array(rows, dtype=np.float64)  # None becomes NaN
-    low_dbm, high_dbm = np.fmin.reduce(rsrp_dbm, axis=None), np.fmax.reduce(rsrp_dbm, axis=None)
-    if low_dbm < LOW_DBM or high_dbm > HIGH_DBM:
+    try:
+        rsrp_dbm = np.array(rows, dtype=np.float64)  # None becomes NaN
+    except ValueError:  # ragged
+        return None
+    if not rsrp_dbm.size or rsrp_dbm.shape != (len(rows), len(cells)):
+        return None
+    if np.fmin.reduce(rsrp_dbm, None) < LOW_DBM or np.fmax.reduce(rsrp_dbm, None) > HIGH_DBM:
         return None
     return Window(tuple(cells), way_m, rsrp_dbm)
 
@@ -63,15 +62,15 @@ def _distance_m(request: LocateRequest, samples: int) -> Floats | None:
     """Metres from the first sample, or None when the way is told wrongly."""
     told_m = request.distance_m
     if told_m is None:
-        way_m = _integrated_m(request, samples)
-    elif request.time_s is None and request.speed_mps is None and len(told_m) == samples:
-        way_m = np.array(told_m)
-        way_m -= told_m[0]
-    else:
+        return _integrated_m(request, samples)
+    if request.time_s is not None or request.speed_mps is not None:
         return None
-    if way_m is None or (way_m[1:] < way_m[:-1]).any() or not way_m[-1] <= MAX_WINDOW_LENGTH_M:
+    # Plain Python: on lists this short it is faster than numpy, and sorting what is sorted is free.
+    if len(told_m) != samples or not told_m or sorted(told_m) != told_m:
         return None
-    return way_m
+    if not told_m[-1] - told_m[0] <= MAX_WINDOW_LENGTH_M:
+        return None
+    return np.array(told_m) - told_m[0]
 
 
 def _integrated_m(request: LocateRequest, samples: int) -> Floats | None:
@@ -79,11 +78,12 @@ def _integrated_m(request: LocateRequest, samples: int) -> Floats | None:
     if request.time_s is None or request.speed_mps is None or len(request.time_s) != samples:
         return None
     time_s, speed_mps = np.array(request.time_s), np.asarray(request.speed_mps, dtype=np.float64)
-    if speed_mps.ndim and speed_mps.size != samples:
+    if not samples or (speed_mps.ndim and speed_mps.size != samples):
         return None
-    if speed_mps.min() < 0 or speed_mps.max() > MAX_SPEED_MPS:
+    if speed_mps.min() < 0 or speed_mps.max() > MAX_SPEED_MPS or (np.diff(time_s) < 0).any():
         return None
-    return None if (time_s[1:] < time_s[:-1]).any() else travelled_m(time_s, speed_mps)
+    way_m = travelled_m(time_s, speed_mps)
+    return way_m if way_m[-1] <= MAX_WINDOW_LENGTH_M else None
 
 
 def travelled_m(time_s: Floats, speed_mps: Floats) -> Floats:

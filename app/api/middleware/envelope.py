@@ -44,13 +44,15 @@ class Envelope:
             return
         started = perf_counter()
         request_id = request_id_of(scope["headers"])
-        status = 0
+        status, ended = 0, False
 
         async def send_with_id(message: Message) -> None:
-            nonlocal status
+            nonlocal status, ended
             if message["type"] == "http.response.start":
                 status = message["status"]
                 message["headers"] = [*message["headers"], (b"x-request-id", request_id)]
+            else:
+                ended = not message.get("more_body", False)
             await send(message)
 
         try:
@@ -59,9 +61,11 @@ class Envelope:
             status = CLIENT_LEFT
         except Exception:
             _log.exception("defect", request_id=request_id.decode(), path=scope["path"])
-            if status:  # half an answer is out: only closing the connection tells the client
+            if not status:
+                answer = problem_response(unexpected_problem(scope["path"]))
+                await answer(scope, receive, send_with_id)
+            elif not ended:  # half an answer is out: only closing the connection tells the client
                 raise
-            await problem_response(unexpected_problem(scope["path"]))(scope, receive, send_with_id)
         finally:
             self._record(scope, request_id, status, perf_counter() - started)
 
