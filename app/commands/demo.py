@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -55,9 +55,9 @@ def demo(
         _empty(data)
         city = build_city(preset("paper"), seed)
         with _service(data, _free_port(port)) as service:
-            _survey_and_build(service, city)
+            survey_and_build(service, city)
             fresh = windows(city, window_count)
-            answers = _locate(service, fresh)
+            answers = locate_all(service, fresh)
     out.print(scores_table(answers))
     _say_how_to_go_on(data, fresh[0])
 
@@ -125,7 +125,8 @@ def _await_start(service: HttpTarget, process: subprocess.Popen[bytes], data: Pa
         time.sleep(0.1)
 
 
-def _survey_and_build(service: HttpTarget, city: City) -> None:
+def survey_and_build(service: HttpTarget, city: City) -> None:
+    """Post a city's roads and survey, and wait until the service serves the map of it."""
     for truth in city.roads:
         service.put_road(truth.road)
     traces = survey(city)
@@ -147,7 +148,8 @@ def _await_map(service: HttpTarget, version: int | None) -> None:
         time.sleep(0.05)
 
 
-def _locate(service: HttpTarget, fresh: list[Labelled]) -> list[Answer]:
+def locate_all(service: HttpTarget, fresh: Sequence[Labelled]) -> list[Answer]:
+    """Locate windows one after the other and compare each answer with its truth."""
     answers = []
     with progress_bar("windows") as bar:
         for window, truth in bar.track(fresh, description="locating"):

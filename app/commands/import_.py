@@ -81,7 +81,7 @@ def _account(intake: Intake) -> Table:
         for refusal in refusals[:3]:
             table.add_row("", refusal)
     table.add_row("rows read", f"{intake.account.rows:,}")
-    table.add_row("samples", f"{intake.account.samples:,}")
+    table.add_row("samples read", f"{intake.account.samples:,}")
     for reason, rows in intake.account.dropped.most_common():
         table.add_row(f"rows dropped: {reason}", f"{rows:,}")
     return table

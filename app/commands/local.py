@@ -83,7 +83,7 @@ class LocalTarget:
 
     def follow(self, build_id: str) -> Iterator[BuildView]:
         """The build's states as a worker of our own, or one that runs already, brings it on."""
-        worker = start_worker_process(self._settings)
+        worker = start_worker_process(self._quiet_settings())
         try:
             while True:
                 view = _view(get_build(self._engine, build_id))
@@ -109,6 +109,12 @@ class LocalTarget:
         )
         answer: Document = orjson.loads(plain)
         return answer
+
+    def _quiet_settings(self) -> Settings:
+        """Settings under which a worker says only what is wrong, unless a level was chosen."""
+        if "log_level" in self._settings.model_fields_set:
+            return self._settings
+        return self._settings.model_copy(update={"log_level": "warning"})
 
     def _index(self) -> MapIndex:
         self._maps.refresh(self._engine)

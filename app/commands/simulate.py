@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -10,9 +9,9 @@ from typing import Annotated
 import typer
 
 from app.commands.console import USAGE, err, out
-from app.domain import Direction, Trace
-from app.evaluation.dataset import PassEntry, Role, write_dataset
-from app.evaluation.scenario import PRESETS, City, build_city, drive, preset, survey
+from app.evaluation.dataset import write_dataset
+from app.evaluation.scenario import PRESETS, build_city, preset
+from app.evaluation.simulated import city_passes
 
 
 def simulate(
@@ -46,22 +45,3 @@ def simulate(
     write_dataset(folder, (truth.road for truth in city.roads), city_passes(city))
     out.print(f"{scenario}, seed {seed}: {len(city.roads)} roads, {len(city.layout.sites)} cells")
     out.print(f"next: roadprint import {folder} --data DIR", soft_wrap=True)
-
-
-def city_passes(city: City) -> Iterator[tuple[PassEntry, Trace]]:
-    """The survey's passes, then a test drive both ways over every road."""
-    for number, trace in enumerate(survey(city)):
-        turn = number % city.scenario.survey_passes
-        backward = city.scenario.both_directions and turn % 2 == 1
-        direction = Direction.BACKWARD if backward else Direction.FORWARD
-        yield _entry(f"survey-{number:05}", trace, direction, f"survey-{turn}"), trace
-    for truth in city.roads:
-        for direction in Direction:
-            trace = drive(city, truth.road_id, direction)
-            name = f"drive-{truth.road_id}-{direction}"
-            yield _entry(name, trace, direction, "drive-0"), trace
-
-
-def _entry(pass_id: str, trace: Trace, direction: Direction, session: str) -> PassEntry:
-    role: Role = "survey" if session.startswith("survey") else "test"
-    return PassEntry(pass_id, trace.road_id or "", role, direction, session)
