@@ -47,8 +47,8 @@ contracts: install ## which room may import which
 bench: install ## what each thing costs, beside its floor
 	$(BIN)/python -m benchmarks $(ARGS)
 
-evaluate: install ## the experiments, in short
-	$(BIN)/roadprint evaluate --scenario paper --out results $(ARGS)
+evaluate: install ## the promised accuracy, on the paper's area and on real drives, over HTTP
+	$(BIN)/pytest tests/end_to_end/test_paper_area.py tests/end_to_end/test_real_streets.py $(ARGS)
 
 openapi: install ## openapi/openapi.json from the code
 	$(BIN)/roadprint openapi --out openapi/openapi.json

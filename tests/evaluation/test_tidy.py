@@ -68,7 +68,7 @@ def test_a_pass_without_any_reading_is_none():
 
 
 def test_columns_are_found_by_name():
-    """Order does not matter, other columns are ignored, and a table without pass ids is one pass."""
+    """In any order, others ignored; a table without pass ids is one pass."""
     passes, _ = read("x,-90,1:1,11.5,48.1,0.5", header="note,rsrp_dbm,cell_id,lon,lat,time_s")
     assert passes[0].pass_id == ""
     assert passes[0].trace.recorded_at is None
