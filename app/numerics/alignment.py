@@ -7,29 +7,11 @@ two-scale one tapes first and then the few stretches that matter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float32, Int
 
-from app.numerics.observation import CHANNELS, TERMS, Profile, coefficients, marginal_score
-from app.numerics.query import Query, choose, unmapped_score
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Aligned:
-    """
-    How well a window fits at some positions.
-
-    Attributes:
-        score: Log likelihood against the background, device offset integrated out.
-        residual, weight: What the device offset is estimated from, see
-            `app.numerics.observation.offset_db`.
-    """
-
-    score: Float[np.ndarray, " positions"]
-    residual: Float[np.ndarray, " positions"]
-    weight: Float[np.ndarray, " positions"]
+from app.numerics.observation import CHANNELS, TERMS, Profile
+from app.numerics.query import Aim
 
 
 def scoring_rows(
@@ -55,52 +37,35 @@ def scoring_rows(
 
 def score_positions(
     rows: Float32[np.ndarray, "rows stretch"],
-    factors: Float32[np.ndarray, "3 samples rows"],
-    behind: Int[np.ndarray, " samples"],
+    aim: Aim,
     positions: Int[np.ndarray, " positions"],
-    sign: int,
-) -> Float32[np.ndarray, "3 positions"]:
+    signs: tuple[int, ...],
+) -> Float32[np.ndarray, "3 places"]:
     """
-    Score, residual and weight of the window ending at each position.
+    Score, residual and weight of the window ending at each position, direction after direction.
 
     Args:
-        rows: From `scoring_rows`.
-        factors: From `app.numerics.observation.coefficients`, for the same cells.
-        behind: Columns from each sample to the window's end, not negative.
-        positions: Columns of ``rows``; every ``positions - sign * behind`` must lie in them.
-        sign: +1 for travel towards growing columns, -1 against.
+        rows: From `scoring_rows`, or a tape's, for the cells of ``aim``.
+        positions: Columns of ``rows``; every ``positions - sign * aim.behind`` must lie in them.
+        signs: +1 for travel towards growing columns, -1 against.
     """
-    samples, width = len(behind), rows.shape[1]
-    each = factors.reshape(CHANNELS * samples, -1) @ rows
-    starts = np.arange(samples) * width - sign * behind
-    laid = each.reshape(CHANNELS, -1).take(starts[:, None] + positions, axis=1)
-    return np.asarray(laid.sum(axis=1))
+    samples, width = len(aim.behind), rows.shape[1]
+    each = aim.factors.reshape(CHANNELS * samples, -1) @ rows
+    starts = np.arange(0, samples * width, width)
+    laid = [(starts - sign * aim.behind)[:, None] + positions for sign in signs]
+    places = laid[0] if len(laid) == 1 else np.concatenate(laid, axis=1)
+    return np.asarray(each.reshape(CHANNELS, -1).take(places, axis=1).sum(axis=1))
 
 
 def align(
-    along: Profile,
-    column: dict[str, int],
-    query: Query,
-    grid: Int[np.ndarray, " positions"],
-    sign: int,
-    step_m: float,
-    offset_sd_db: float,
-) -> Aligned:
+    along: Profile, aim: Aim, grid: Int[np.ndarray, " positions"], sign: int
+) -> Float32[np.ndarray, "3 positions"]:
     """
-    Fit of a window at grid positions of one road, in one direction of travel.
+    Score, residual and weight of the window at grid positions of one road, in one direction.
 
     Args:
-        along, column: The road's profile and its row of each cell.
         grid: Increasing columns of the profile.
-        step_m: Metres between columns.
     """
-    chosen = choose(query, column)
-    behind = np.rint(query.fine.behind_m / step_m).astype(np.intp)
-    reach = int(behind[-1])
-    first, last = int(grid[0]), int(grid[-1])
+    reach, first, last = int(aim.behind[-1]), int(grid[0]), int(grid[-1])
     low, high = (first - reach, last) if sign > 0 else (first, last + reach)
-    rows = scoring_rows(along, chosen.there, low, high)
-    factors = coefficients(query.fine, chosen.here)
-    channels = score_positions(rows, factors, behind, grid - low, sign)
-    score = marginal_score(channels, offset_sd_db) + unmapped_score(query.fine, chosen.missing)
-    return Aligned(score, channels[1], channels[2])
+    return score_positions(scoring_rows(along, aim.cells, low, high), aim, grid - low, (sign,))

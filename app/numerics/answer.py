@@ -1,4 +1,4 @@
-"""The fix: places and their posterior, told as road, sub-segment, position, radius and candidates."""
+"""The fix: a posterior over places, told as road, sub-segment, position, radius and candidates."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from jaxtyping import Float, Int
 
 from app.domain import Candidate, Direction, Fix
 from app.numerics.calibration import off_map_probability
-from app.numerics.index import MapIndex, RoadIndex
-from app.numerics.lines import heading_deg
+from app.numerics.index import MapIndex
 from app.numerics.observation import offset_db
 from app.numerics.posterior import Places, masses, radius_m
 from app.numerics.query import Query
@@ -24,17 +23,22 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
     The road is the most probable one; the position is the mean of the posterior about its highest
     peak on that road, in one direction; the sub-segment is the one that holds it.
     """
-    mass = masses(places, index.calibration.temperature)
+    atlas, mass = index.atlas, masses(places, index.calibration.temperature)
     off_map = off_map_probability(index.calibration, float(places.score.max()), query.fine)
     on_road = np.bincount(places.road, mass, len(index.roads))
-    number = int(np.argmax(on_road))
+    number = int(on_road.argmax())
     road = index.roads[number]
-    peak = int(np.argmax(np.where(places.road == number, mass / places.width_m, -1.0)))
+    density = mass / places.width_m
+    density[places.road != number] = -1.0
+    peak = int(density.argmax())
     chainage_m = _peak_chainage_m(places, mass, peak)
-    segment = int(_segment_of(road, np.array([chainage_m]))[0])
-    candidates = _candidates(index, places, mass, 1.0 - off_map)
-    spot = road.xy_at(chainage_m)
-    lonlat = index.frame.to_lonlat(spot[0], spot[1])
+    spots = atlas.spot(places.road, places.chainage_m)
+    here = atlas.spot(np.array(number), np.array(chainage_m))
+    segment = _segment(index, number, chainage_m)
+    candidates = _candidates(index, places, mass, spots.low, 1.0 - off_map)
+    away_m = np.hypot(
+        spots.of(atlas.x_m) - here.of(atlas.x_m), spots.of(atlas.y_m) - here.of(atlas.y_m)
+    )
     sign = int(places.sign[peak])
     return Fix(
         map_version=index.version,
@@ -43,24 +47,24 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
         road_posterior=float(on_road[number]) * (1.0 - off_map),
         segment_index=segment,
         segment_posterior=sum(
-            c.posterior
-            for c in candidates
-            if c.road_id == road.road_id and c.segment_index == segment
+            one.posterior
+            for one in candidates
+            if one.segment_index == segment and one.road_id == road.road_id
         ),
         segment_start_m=float(road.edges_m[segment]),
         segment_end_m=float(road.edges_m[segment + 1]),
-        lon=float(lonlat.lon),
-        lat=float(lonlat.lat),
+        lon=float(here.of(atlas.lon)),
+        lat=float(here.of(atlas.lat)),
         chainage_m=chainage_m,
         direction=_direction(sign),
-        heading_deg=(heading_deg(road.line, chainage_m) + (0.0 if sign > 0 else 180.0)) % 360.0,
-        accuracy_m=radius_m(_away_m(index, places, spot), mass, places.width_m, confidence),
+        heading_deg=(float(atlas.heading_deg[here.low]) + (0.0 if sign > 0 else 180.0)) % 360.0,
+        accuracy_m=radius_m(away_m, mass, places.width_m, confidence),
         confidence=confidence,
         off_map_posterior=off_map,
         device_offset_db=offset_db(
             float(places.residual[peak]), float(places.weight[peak]), index.calibration.offset_sd_db
         ),
-        samples_used=len(query.distance_m),
+        samples_used=query.samples,
         cells_used=len(query.cells),
         cells_unknown=query.unknown,
         candidates=candidates,
@@ -70,66 +74,49 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
 def _peak_chainage_m(places: Places, mass: Float[np.ndarray, " places"], peak: int) -> float:
     near = (places.road == places.road[peak]) & (places.sign == places.sign[peak])
     near &= np.abs(places.chainage_m - places.chainage_m[peak]) <= PEAK_M
-    weight = mass[near]
-    return float(weight @ places.chainage_m[near] / weight.sum())
+    weight = mass * near
+    return float(weight @ places.chainage_m / weight.sum())
 
 
-def _segment_of(road: RoadIndex, chainage_m: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-    """Index of the sub-segment that holds each chainage; a boundary belongs to the later one."""
-    return np.searchsorted(road.edges_m[1:-1], chainage_m, side="right")
+def _segment(index: MapIndex, road: int, chainage_m: float) -> int:
+    inner_m = index.roads[road].edges_m[1:-1]
+    return int(inner_m.searchsorted(chainage_m, side="right"))
 
 
 def _candidates(
-    index: MapIndex, places: Places, mass: Float[np.ndarray, " places"], on_map: float
+    index: MapIndex,
+    places: Places,
+    mass: Float[np.ndarray, " places"],
+    low: Int[np.ndarray, " places"],
+    on_map: float,
 ) -> tuple[Candidate, ...]:
     """One candidate a sub-segment and direction, most probable first; ties by road and place."""
-    segment = np.empty(len(places), dtype=np.intp)
-    for number in np.unique(places.road):
-        mine = places.road == number
-        segment[mine] = _segment_of(index.roads[number], places.chainage_m[mine])
-    key = (places.road * (1 << 32) + segment * 2) + (places.sign < 0)
+    segment = index.atlas.segment[low]
+    key = ((places.road << 32) + (segment << 1)) + (places.sign < 0)
     order = np.lexsort((mass / places.width_m, key))
-    starts = np.flatnonzero(np.concatenate(([True], np.diff(key[order]) != 0)))
+    change = key[order]
+    starts = np.concatenate(([0], np.flatnonzero(change[1:] != change[:-1]) + 1))
     total = np.add.reduceat(mass[order], starts)
     best = order[np.append(starts[1:], len(order)) - 1]
     ranked = np.argsort(-total, kind="stable")
     listed = ranked[total[ranked] > NEGLIGIBLE]
-    share = total[listed] / total[listed].sum() * on_map
+    share = total[listed] * (on_map / total[listed].sum())
+    chosen = best[listed]
+    spots = index.atlas.spot(places.road[chosen], places.chainage_m[chosen])
     return tuple(
-        _candidate(index, places, int(best[group]), int(segment[best[group]]), float(posterior))
-        for group, posterior in zip(listed, share, strict=True)
-    )
-
-
-def _candidate(
-    index: MapIndex, places: Places, place: int, segment: int, posterior: float
-) -> Candidate:
-    road = index.roads[int(places.road[place])]
-    chainage_m = float(places.chainage_m[place])
-    spot = road.xy_at(chainage_m)
-    where = index.frame.to_lonlat(spot[0], spot[1])
-    return Candidate(
-        road_id=road.road_id,
-        segment_index=segment,
-        direction=_direction(int(places.sign[place])),
-        posterior=posterior,
-        chainage_m=chainage_m,
-        lon=float(where.lon),
-        lat=float(where.lat),
+        Candidate(index.road_ids[road], part, _direction(sign), posterior, chainage_m, lon, lat)
+        for road, part, sign, posterior, chainage_m, lon, lat in zip(
+            places.road[chosen].tolist(),
+            segment[chosen].tolist(),
+            places.sign[chosen].tolist(),
+            share.tolist(),
+            places.chainage_m[chosen].tolist(),
+            spots.of(index.atlas.lon).tolist(),
+            spots.of(index.atlas.lat).tolist(),
+            strict=True,
+        )
     )
 
 
 def _direction(sign: int) -> Direction:
     return Direction.FORWARD if sign > 0 else Direction.BACKWARD
-
-
-def _away_m(
-    index: MapIndex, places: Places, spot: Float[np.ndarray, " 2"]
-) -> Float[np.ndarray, " places"]:
-    """Distance of every place from the reported one, as the crow flies."""
-    away_m = np.empty(len(places))
-    for number in np.unique(places.road):
-        mine = places.road == number
-        x_m, y_m = index.roads[number].xy_at(places.chainage_m[mine])
-        away_m[mine] = np.hypot(x_m - spot[0], y_m - spot[1])
-    return away_m

@@ -20,7 +20,7 @@ TEMPERATURES = tuple(float(t) for t in np.round(np.geomspace(0.1, 12.8, 22), 3))
 FIXED_COLUMNS = ("fit", "offset_db", "offset_variance_db2", "measured")
 EVIDENCE_COLUMNS = FIXED_COLUMNS + tuple(f"log_mass_at_{t}" for t in TEMPERATURES)
 DEFAULT_OFFSET_SD_DB = 1.0  # until two passes of one road tell how devices differ
-SMALLEST_OFFSET_SD_DB = 0.3
+SMALLEST_OFFSET_SD_DB = 0.5
 OFF_MAP_PRIOR = 0.02  # share of windows that come from roads the map lacks
 MIN_WINDOWS = 20  # fewer held-out windows say nothing reliable
 

@@ -20,13 +20,13 @@ from app.numerics.calibration import (
     TEMPERATURES,
     fit_per_reading,
 )
-from app.numerics.observation import Profile, evidence, profile
+from app.numerics.observation import Profile, evidence, marginal_score, profile
 from app.numerics.passes import RoadPass
-from app.numerics.query import FINE_STEP_M, Query
+from app.numerics.query import FINE_STEP_M, take_aim
 
 WINDOW_LENGTHS_M = (30.0, 60.0, 120.0, 200.0)
 WINDOWS_PER_LENGTH = 12
-NEAR_TRUTH_M = 3.0  # posterior mass this close to the truth is what a temperature must make large
+NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
 MOST_FOLDS = 4
 
 
@@ -125,23 +125,18 @@ def _one_window(
     heard = np.flatnonzero(~np.isnan(rsrp).all(axis=0))
     if len(heard) == 0:
         return None
-    distance_m = one.travelled_m[first : last + 1]
     names = tuple(cells[column] for column in heard)
-    seen = evidence(distance_m, rsrp[:, heard], FINE_STEP_M)
-    query = Query(names, (), distance_m, rsrp[:, heard], seen)
-    column = {cell: index for index, cell in enumerate(cells)}
+    seen = evidence(one.travelled_m[first : last + 1], rsrp[:, heard], FINE_STEP_M)
+    aim = take_aim(seen, names, {cell: index for index, cell in enumerate(cells)}, step_m)
     grid = np.arange(len(along.base))
-    both = [
-        align(along, column, query, grid, sign, step_m, DEFAULT_OFFSET_SD_DB)
-        for sign in (one.sign, -one.sign)
-    ]
-    score = np.concatenate([fit.score for fit in both])
+    channels = [align(along, aim, grid, sign) for sign in (one.sign, -one.sign)]
+    score = np.concatenate([marginal_score(each, DEFAULT_OFFSET_SD_DB) for each in channels])
     near = np.concatenate([np.abs(grid * step_m - one.chainage_m[last]) <= NEAR_TRUTH_M, grid < 0])
     truth = int(np.argmax(np.where(near, score, -np.inf)))
-    weight = float(both[0].weight[truth])
+    weight = float(channels[0][2, truth])
     return _Outcome(
         fit=fit_per_reading(float(score.max()), seen),
-        offset_db=float(both[0].residual[truth]) / max(weight, 1e-6),
+        offset_db=float(channels[0][1, truth]) / max(weight, 1e-6),
         variance_db2=1.0 / max(weight, 1e-6),
         log_mass=[_log_mass(score, near, t) for t in TEMPERATURES],
     )

@@ -13,44 +13,75 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
-from numpy.typing import ArrayLike
 
 from app.domain import Calibration, Line, RadioMap, RoadModel
 from app.numerics.geodesy import Floats, LocalFrame
-from app.numerics.lines import point_at
+from app.numerics.lines import headings_deg, point_at
 from app.numerics.observation import Profile, profile
 
 COARSE_STEPS_M = (4.0, 8.0, 16.0)  # each serves windows up to GAP times as long
 GAP = 26  # empty columns between roads on a tape: a window may reach that far off a road's end
+BOTH = (1, -1)  # directions of travel: towards growing chainage, and against
 TAPE_COLUMNS = 1600  # beyond, a tape's matrix product costs more than starting another
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoadIndex:
-    """One road, ready for alignment. ``x_m`` and ``y_m`` are the grid in the map's local frame."""
+    """One road, ready for alignment."""
 
     road_id: str
     number: int
-    line: Line
     length_m: float
     step_m: float
     column: dict[str, int]
     along: Profile
-    x_m: Floats
-    y_m: Floats
     edges_m: Floats
 
     @property
     def grid_size(self) -> int:
         """Number of grid positions."""
-        return len(self.x_m)
+        return len(self.along.base)
 
-    def xy_at(self, chainage_m: ArrayLike) -> Floats:
-        """Local metres at chainages, straight between grid positions. Shape ``(2, ...)``."""
-        at = np.asarray(chainage_m, dtype=float) / self.step_m
-        low = np.minimum(at.astype(np.intp), self.grid_size - 2)
-        share = at - low
-        return np.stack([v[low] + share * (v[low + 1] - v[low]) for v in (self.x_m, self.y_m)])
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Atlas:
+    """
+    Geometry of all grid positions, road after road; ``start[road]`` is a road's first.
+
+    Attributes:
+        x_m, y_m: In the map's local frame.
+        heading_deg: Compass heading of growing chainage.
+        segment: Index of the sub-segment on its road; a boundary belongs to the later one.
+    """
+
+    start: Int[np.ndarray, " roads"]
+    size: Int[np.ndarray, " roads"]
+    step_m: Floats
+    x_m: Floats
+    y_m: Floats
+    lon: Floats
+    lat: Floats
+    heading_deg: Floats
+    segment: Int[np.ndarray, " grid"]
+
+    def spot(self, road: np.ndarray, chainage_m: np.ndarray) -> Spot:
+        """Grid positions below chainages, and the share of the way to the next."""
+        at = chainage_m / self.step_m[road]
+        low = np.minimum(at.astype(np.intp), self.size[road] - 2)
+        return Spot(self.start[road] + low, at - low)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spot:
+    """Places between grid positions of an `Atlas`."""
+
+    low: np.ndarray
+    share: np.ndarray
+
+    def of(self, values: Floats) -> Floats:
+        """An atlas column at the places, straight between grid positions."""
+        left = values[self.low]
+        return np.asarray(left + self.share * (values[self.low + 1] - left))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,16 +93,17 @@ class CoarseProfile:
         along: Profile of the tape's cells over all its columns, gaps included.
         outside: 1 in the gaps, else 0. Shape ``(columns,)``.
         positions: The columns that are road. Shape ``(positions,)``.
-        road: Road number of each position.
-        chainage_m: Chainage of each position on its road.
+        road, sign, chainage_m: What each score is of: all positions in one direction of travel,
+            then all in the other. Shape ``(2 positions,)``.
     """
 
     step_m: float
     along: Profile
     outside: Float32[np.ndarray, " columns"]
     positions: Int[np.ndarray, " positions"]
-    road: Int[np.ndarray, " positions"]
-    chainage_m: Float[np.ndarray, " positions"]
+    road: Int[np.ndarray, " places"]
+    sign: Int[np.ndarray, " places"]
+    chainage_m: Float[np.ndarray, " places"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +131,7 @@ class MapIndex:
         self.roads = tuple(roads)
         self.road_ids = tuple(road.road_id for road in roads)
         self.cells = frozenset().union(*(road.column for road in roads)) if roads else frozenset()
-        self.frame = frame
+        self.atlas = _draw_atlas(radio_map.models, frame)
         self.tapes = tuple(
             _lay_tape([radio_map.models[i] for i in group], group)
             for group in _groups(radio_map.models)
@@ -113,25 +145,47 @@ class MapIndex:
             float(np.mean([line.lon[0] for line in lines])) if lines else 0.0,
             float(np.mean([line.lat[0] for line in lines])) if lines else 0.0,
         )
-        roads = [_road(i, model, frame) for i, model in enumerate(radio_map.models)]
+        roads = [_road(i, model) for i, model in enumerate(radio_map.models)]
         return cls(radio_map, roads, frame)
 
 
-def _road(number: int, model: RoadModel, frame: LocalFrame) -> RoadIndex:
-    grid_m = np.minimum(np.arange(len(model.mean_dbm)) * model.step_m, model.length_m)
-    where = point_at(model.line, grid_m)
-    plane = frame.to_xy(where.lon, where.lat)
+def _road(number: int, model: RoadModel) -> RoadIndex:
     return RoadIndex(
         road_id=model.road_id,
         number=number,
-        line=model.line,
         length_m=model.length_m,
         step_m=model.step_m,
         column={cell: index for index, cell in enumerate(model.cells)},
         along=profile(model.mean_dbm, model.spread_db, model.heard),
-        x_m=plane.x_m,
-        y_m=plane.y_m,
         edges_m=np.array([s.start_m for s in model.segments] + [model.length_m]),
+    )
+
+
+def _draw_atlas(models: Sequence[RoadModel], frame: LocalFrame) -> Atlas:
+    sizes = np.array([len(model.mean_dbm) for model in models], dtype=np.intp)
+    columns: list[list[Floats]] = []
+    for model in models:
+        grid_m = np.arange(len(model.mean_dbm)) * model.step_m
+        where = point_at(model.line, grid_m)
+        plane = frame.to_xy(where.lon, where.lat)
+        inner_m = np.array([segment.start_m for segment in model.segments[1:]])
+        segment = np.searchsorted(inner_m, grid_m, side="right").astype(float)
+        heading = headings_deg(model.line, grid_m)
+        columns.append([plane.x_m, plane.y_m, where.lon, where.lat, heading, segment])
+    x_m, y_m, lon, lat, heading, segment = (
+        np.concatenate([column[i] for column in columns]) if columns else np.zeros(0)
+        for i in range(6)
+    )
+    return Atlas(
+        start=(np.cumsum(sizes) - sizes),
+        size=sizes,
+        step_m=np.array([model.step_m for model in models]),
+        x_m=x_m,
+        y_m=y_m,
+        lon=lon,
+        lat=lat,
+        heading_deg=heading,
+        segment=segment.astype(np.intp),
     )
 
 
@@ -160,10 +214,10 @@ def _morton(line: Line) -> int:
 
 def salient_cells(model: RoadModel) -> list[str]:
     """Cells of which the road, or any of its sub-segments, has a salient feature."""
-    chosen = model.salience.mask.any(axis=0)
+    chosen = np.asarray(model.salience.mask.any(axis=0))
     for segment in model.segments:
         chosen = chosen | segment.salience.mask.any(axis=0)
-    return [cell for cell, salient in zip(model.cells, chosen, strict=True) if salient]
+    return [cell for cell, salient in zip(model.cells, chosen.tolist(), strict=True) if salient]
 
 
 def _lay_tape(models: Sequence[RoadModel], numbers: tuple[int, ...]) -> Tape:
@@ -194,8 +248,9 @@ def _lay_level(
         along=profile(mean, spread, heard),
         outside=outside,
         positions=positions.astype(np.intp),
-        road=np.repeat(np.array(numbers), sizes),
-        chainage_m=np.concatenate([np.arange(n) * step_m for n in sizes]),
+        road=np.tile(np.repeat(np.array(numbers), sizes), 2),
+        sign=np.repeat(np.array(BOTH), len(positions)),
+        chainage_m=np.tile(np.concatenate([np.arange(n) * step_m for n in sizes]), 2),
     )
 
 

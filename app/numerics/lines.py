@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from app.domain import Line
-from app.numerics.geodesy import Floats, LocalFrame, LonLat, distance_m
+from app.numerics.geodesy import (
+    Floats,
+    LocalFrame,
+    LonLat,
+    distance_m,
+    metres_per_degree,
+    wrap_longitude_deg,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,13 +53,17 @@ def point_at(line: Line, chainage_m: ArrayLike) -> LonLat:
 
 def heading_deg(line: Line, chainage_m: float) -> float:
     """Compass heading of growing chainage, degrees clockwise from north, in [0, 360)."""
-    at_m = vertex_chainage_m(line)
-    last = len(at_m) - 2
-    index = int(np.clip(np.searchsorted(at_m, chainage_m, side="right") - 1, 0, last))
-    frame = LocalFrame(float(line.lon[index]), float((line.lat[index] + line.lat[index + 1]) / 2))
-    ends = frame.to_xy(line.lon[index : index + 2], line.lat[index : index + 2])
-    east_m, north_m = np.diff(ends.x_m)[0], np.diff(ends.y_m)[0]
-    return float(np.degrees(np.arctan2(east_m, north_m)) % 360.0)
+    return float(headings_deg(line, np.array([chainage_m]))[0])
+
+
+def headings_deg(line: Line, chainage_m: ArrayLike) -> Floats:
+    """`heading_deg` at many chainages; a vertex has the heading of the piece after it."""
+    scale = metres_per_degree((line.lat[:-1] + line.lat[1:]) / 2.0)
+    east_m = wrap_longitude_deg(np.diff(line.lon)) * scale.x_m
+    pieces = np.degrees(np.arctan2(east_m, np.diff(line.lat) * scale.y_m)) % 360.0
+    wanted_m = np.asarray(chainage_m, dtype=float)
+    piece = np.searchsorted(vertex_chainage_m(line), wanted_m, side="right") - 1
+    return np.asarray(pieces[np.clip(piece, 0, len(pieces) - 1)])
 
 
 def slice_line(line: Line, start_m: float, end_m: float) -> Line:

@@ -10,6 +10,7 @@ then aligned reading by reading with the fitted curves, and only those scores ma
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,14 +18,15 @@ from jaxtyping import Float, Int
 from app.domain import Fix, Window
 from app.numerics.alignment import align, score_positions
 from app.numerics.answer import answer
-from app.numerics.index import COARSE_STEPS_M, GAP, CoarseProfile, MapIndex
-from app.numerics.observation import TERMS, coefficients, marginal_score
+from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex, Tape
+from app.numerics.observation import TERMS, Evidence, marginal_score
 from app.numerics.posterior import Places, kept_by_mass
-from app.numerics.query import Query, ask, choose
+from app.numerics.query import Query, ask, take_aim
 from app.numerics.refinement import refine
 
 LEFT_OUT = 1e-4  # share of the coarse posterior that the fine scale may never see
 COARSE_FLATTENING = 2.0  # coarse scores err; flattening them keeps what they would lose
+JOINED_STEPS = 2.5  # stretches closer than this are aligned in one product
 MOST_KEPT = 1000  # coarse positions a query may align: bounds the time of a hopeless window
 BOTH = (1, -1)
 
@@ -55,58 +57,62 @@ class Coarse:
     score: Float[np.ndarray, " positions"]
     step_m: float
 
+    def take(self, rows: Int[np.ndarray, " kept"]) -> Coarse:
+        """The positions at these indices."""
+        return Coarse(
+            self.road[rows], self.sign[rows], self.chainage_m[rows], self.score[rows], self.step_m
+        )
+
 
 def shortlist(index: MapIndex, query: Query) -> Coarse:
     """The coarse positions that hold all but `LEFT_OUT` of the posterior."""
-    level = next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
-    step_m = COARSE_STEPS_M[level]
-    tapes = [t for t in index.tapes if not t.column.keys().isdisjoint(query.cells)]
-    parts = [
-        part
-        for tape in tapes or index.tapes
-        for part in _score_tape(index, query, tape.levels[level], tape.column)
-    ]
-    road = np.concatenate([part.road for part in parts])
-    sign = np.concatenate([part.sign for part in parts])
-    chainage_m = np.concatenate([part.chainage_m for part in parts])
-    score = np.concatenate([part.score for part in parts])
+    size = next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
+    seen = query.at_step(COARSE_STEPS_M[size])
+    tapes = [tape for tape in index.tapes if not tape.column.keys().isdisjoint(query.cells)]
+    scored = [_score_tape(index, query, seen, tape, size) for tape in tapes or index.tapes]
+    every = scored[0] if len(scored) == 1 else _joined(scored)
     flat = index.calibration.temperature * COARSE_FLATTENING
-    kept = kept_by_mass(score, flat, LEFT_OUT, MOST_KEPT)
-    return Coarse(road[kept], sign[kept], chainage_m[kept], score[kept], step_m)
+    return every.take(kept_by_mass(every.score, flat, LEFT_OUT, MOST_KEPT))
 
 
-def _score_tape(
-    index: MapIndex, query: Query, level: CoarseProfile, column: dict[str, int]
-) -> list[Coarse]:
-    seen = query.at_step(level.step_m)
-    chosen = choose(query, column)
-    rows = np.empty((TERMS * len(chosen.there) + 2, len(level.outside)), dtype=np.float32)
-    rows[:-2] = level.along.terms[chosen.there].reshape(-1, len(level.outside))
+def _score_tape(index: MapIndex, query: Query, seen: Evidence, tape: Tape, size: int) -> Coarse:
+    level = tape.levels[size]
+    aim = take_aim(seen, query.cells, tape.column, level.step_m)
+    rows = np.empty((TERMS * len(aim.cells) + 2, len(level.outside)), dtype=np.float32)
+    rows[:-2] = level.along.terms[aim.cells].reshape(-1, len(level.outside))
     rows[-2], rows[-1] = level.along.base, level.outside
-    factors = coefficients(seen, chosen.here)
-    behind = np.rint(seen.behind_m / level.step_m).astype(np.intp)
-    out = []
-    for sign in BOTH:
-        channels = score_positions(rows, factors, behind, level.positions, sign)
-        score = marginal_score(channels, index.calibration.offset_sd_db)
-        out.append(
-            Coarse(level.road, np.full(len(score), sign), level.chainage_m, score, level.step_m)
-        )
-    return out
+    channels = score_positions(rows, aim, level.positions, BOTH)
+    score = marginal_score(channels, index.calibration.offset_sd_db)
+    return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
+
+
+def _joined(parts: list[Coarse]) -> Coarse:
+    return Coarse(
+        np.concatenate([part.road for part in parts]),
+        np.concatenate([part.sign for part in parts]),
+        np.concatenate([part.chainage_m for part in parts]),
+        np.concatenate([part.score for part in parts]),
+        parts[0].step_m,
+    )
 
 
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
     """Align the window at every metre of the stretches kept, each stretch with its neighbours."""
+    order = np.lexsort((kept.chainage_m, kept.sign, kept.road))
+    road, sign, chainage_m = kept.road[order], kept.sign[order], kept.chainage_m[order]
+    apart = (road[1:] != road[:-1]) | (sign[1:] != sign[:-1])
+    apart |= chainage_m[1:] - chainage_m[:-1] > JOINED_STEPS * kept.step_m
+    edges = [0, *(np.flatnonzero(apart) + 1).tolist(), len(order)]
     parts = []
-    key = kept.road * 2 + (kept.sign > 0)
-    for one in np.unique(key):
-        mine = np.sort(kept.chainage_m[key == one])
-        road, sign = index.roads[one >> 1], 1 if one & 1 else -1
-        for run in np.split(mine, np.flatnonzero(np.diff(mine) > 2.5 * kept.step_m) + 1):
-            first = max(int((run[0] - kept.step_m) / road.step_m), 0)
-            last = min(int(np.ceil((run[-1] + kept.step_m) / road.step_m)), road.grid_size - 1)
-            parts.append(_stretch(index, query, int(one) >> 1, sign, first, last))
-    return Places.join(parts)
+    for start, end in pairwise(edges):
+        number, step_m = int(road[start]), index.roads[int(road[start])].step_m
+        first = int((chainage_m[start] - kept.step_m) / step_m)
+        last = int((chainage_m[end - 1] + kept.step_m) / step_m) + 1
+        top = index.roads[number].grid_size - 1
+        parts.append(
+            _stretch(index, query, number, int(sign[start]), max(first, 0), min(last, top))
+        )
+    return parts[0] if len(parts) == 1 else Places.join(parts)
 
 
 def whole_roads(index: MapIndex, query: Query) -> Places:
@@ -123,17 +129,16 @@ def whole_roads(index: MapIndex, query: Query) -> Places:
 def _stretch(
     index: MapIndex, query: Query, number: int, sign: int, first: int, last: int
 ) -> Places:
-    road = index.roads[number]
+    road, aim = index.roads[number], query.aim(index, number)
     grid = np.arange(first, last + 1)
-    fit = align(
-        road.along, road.column, query, grid, sign, road.step_m, index.calibration.offset_sd_db
-    )
+    channels = align(road.along, aim, grid, sign)
+    score = marginal_score(channels, index.calibration.offset_sd_db)
     return Places(
         np.full(len(grid), number),
         np.full(len(grid), sign),
         np.minimum(grid * road.step_m, road.length_m),
         np.full(len(grid), road.step_m),
-        fit.score,
-        fit.residual,
-        fit.weight,
+        score + aim.constant,
+        channels[1],
+        channels[2],
     )

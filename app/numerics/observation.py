@@ -24,9 +24,9 @@ from jaxtyping import Float, Float32, Int
 CENTRE_DBM = -95.0
 BACKGROUND_SPAN_DB = 50.0  # phones report some 50 dB of useful RSRP; any level in it is as likely
 HEARD_FLOOR = 0.02  # a cell may appear, or fail to, wherever the survey says otherwise
-HEARING_WEIGHT = 0.4  # hearing is far more alike from sample to sample than levels are
+HEARING_WEIGHT = 0.3  # hearing is far more alike from sample to sample than levels are
 CORRELATION_M = 10.0  # closer samples share shadowing and count as one; the map's temperature, too
-OUTSIDE_HEARD = 0.3  # a sample off the road's end fits like a middling place: no road is blamed
+OUTSIDE_HEARD = 0.03  # chance of a reading off the road: windows rarely begin on another one
 BROAD_OFFSET_SD_DB = 6.0  # devices differ by up to 8 dB
 BROAD_OFFSET_SHARE = 0.1  # how often a device is unlike those of the surveys
 
@@ -42,10 +42,14 @@ class Profile:
     Attributes:
         terms: A, B, C and L of every cell at every position. Shape ``(cells, 4, positions)``.
         base: Score of hearing nothing. Shape ``(positions,)``.
+        bend: ``A (mu_next - mu)^2 / 2`` of every cell from each position to the next: by how much
+            a place between the two fits better than its neighbours' mean, times ``f (1 - f)``.
+            Shape ``(cells, positions)``.
     """
 
     terms: Float32[np.ndarray, "cells 4 positions"]
     base: Float32[np.ndarray, " positions"]
+    bend: Float32[np.ndarray, "cells positions"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,8 +98,13 @@ def profile(
         ]
     )
     base = np.where(mapped, silent, 0.0).sum(axis=1)
+    bend = np.zeros(level_db.shape)
+    between = mapped[:-1] & mapped[1:]
+    bend[:-1] = np.where(between, 0.5 * precision[:-1] * np.diff(level_db, axis=0) ** 2, 0.0)
     return Profile(
-        np.ascontiguousarray(terms.transpose(2, 0, 1), dtype=np.float32), base.astype(np.float32)
+        np.ascontiguousarray(terms.transpose(2, 0, 1), dtype=np.float32),
+        base.astype(np.float32),
+        np.ascontiguousarray(bend.T, dtype=np.float32),
     )
 
 
@@ -110,19 +119,29 @@ def evidence(
     A standing car's hundred readings of one place become one; the order of the samples within a
     stretch, and of the cells, moves nothing.
     """
-    behind_m = distance_m[-1] - distance_m[::-1]
-    rsrp = rsrp_dbm[::-1]
-    known = ~np.isnan(rsrp)
-    level_db = np.where(known, rsrp - CENTRE_DBM, 0.0)
+    level_db = rsrp_dbm[::-1] - CENTRE_DBM
+    known = level_db == level_db  # noqa: PLR0124  # False for NaN alone, in one pass
     heard = known.astype(float)
-    stretch = np.rint(behind_m / step_m).astype(np.intp)
-    starts = np.flatnonzero(np.concatenate(([True], stretch[1:] != stretch[:-1])))
-    if len(starts) < len(stretch):
+    level_db = np.where(known, level_db, 0.0)
+    return joined(distance_m[-1] - distance_m[::-1], level_db, heard, step_m)
+
+
+def joined(
+    behind_m: Float[np.ndarray, " samples"],
+    level_db: Float[np.ndarray, "samples cells"],
+    heard: Float[np.ndarray, "samples cells"],
+    step_m: float,
+) -> Evidence:
+    """Average samples, newest first, over stretches of ``step_m``; see `Evidence`."""
+    stretch = np.rint(behind_m / step_m)
+    change = stretch[1:] != stretch[:-1]
+    if not change.all():
+        starts = np.concatenate(([0], np.flatnonzero(change) + 1))
         count = np.add.reduceat(heard, starts, axis=0)
-        readings = np.diff(np.append(starts, len(stretch)))
-        level_db = np.add.reduceat(level_db, starts, axis=0) / np.maximum(count, 1.0)
-        heard = count / readings[:, None]
-        behind_m = np.add.reduceat(behind_m, starts) / readings
+        samples = np.diff(np.append(starts, len(stretch)))
+        level_db = np.add.reduceat(level_db * heard, starts, axis=0) / np.maximum(count, 1e-9)
+        heard = count / samples[:, None]
+        behind_m = np.add.reduceat(behind_m, starts) / samples
     return Evidence(behind_m, level_db, heard, sample_weight(behind_m))
 
 
@@ -130,11 +149,12 @@ def sample_weight(behind_m: Float[np.ndarray, " samples"]) -> Float[np.ndarray, 
     """Each sample's share of `CORRELATION_M` of road, at most 1: half the way to either side."""
     if len(behind_m) == 1:
         return np.ones(1)
-    gap_m = behind_m[1:] - behind_m[:-1]
     share_m = np.empty(len(behind_m))
-    share_m[0], share_m[-1] = gap_m[0], gap_m[-1]
-    share_m[1:-1] = (gap_m[:-1] + gap_m[1:]) / 2.0
-    return np.minimum(share_m / CORRELATION_M, 1.0)
+    gap_m = behind_m[1:] - behind_m[:-1]
+    share_m[:-1] = gap_m
+    share_m[-1] = gap_m[-1]
+    share_m[1:-1] = 0.5 * (behind_m[2:] - behind_m[:-2])
+    return np.minimum(share_m * (1.0 / CORRELATION_M), 1.0)
 
 
 def coefficients(
@@ -174,14 +194,22 @@ def marginal_score(
     ``N(0, BROAD_OFFSET_SD_DB^2)``. With the score ``S``, residual ``R`` and weight ``W`` of
     `coefficients`, each part gives ``S + R^2 v / (2 (1 + W v)) - log(1 + W v) / 2``.
     """
-    score, residual, weight = channels
+    return np.asarray(channels[0] + offset_gain(channels[1], channels[2], offset_sd_db))
+
+
+def offset_gain(
+    residual: Float[np.ndarray, " positions"],
+    weight: Float[np.ndarray, " positions"],
+    offset_sd_db: float,
+) -> Float[np.ndarray, " positions"]:
+    """What integrating the device offset out adds to the score; see `marginal_score`."""
+    (like_sd_db, like), (any_sd_db, unlike) = _offset_prior(offset_sd_db)
+    like_variance, any_variance = like_sd_db**2, any_sd_db**2
+    like_inflation, any_inflation = 1.0 + weight * like_variance, 1.0 + weight * any_variance
     squared = 0.5 * residual * residual
-    parts = []
-    for sd_db, share in _offset_prior(offset_sd_db):
-        variance = sd_db * sd_db
-        inflation = 1.0 + weight * variance
-        parts.append(squared * (variance / inflation) - 0.5 * np.log(inflation) + np.log(share))
-    return score + np.logaddexp(parts[0], parts[1])
+    first = squared * (like_variance / like_inflation) - 0.5 * np.log(like_inflation)
+    second = squared * (any_variance / any_inflation) - 0.5 * np.log(any_inflation)
+    return np.asarray(np.logaddexp(first + np.log(like), second + np.log(unlike)))
 
 
 def offset_db(residual: float, weight: float, offset_sd_db: float) -> float:

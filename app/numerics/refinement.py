@@ -1,90 +1,120 @@
 """
 Places between the metres: where the posterior is narrower than the grid, look closer.
 
-Between two grid positions the curve is taken as straight and its spread as constant, which makes the
-terms of a profile interpolate linearly but for C, whose square is convex: at share ``f`` between two
-positions, ``A mu^2`` is smaller by ``f (1 - f) A (mu_1 - mu_0)^2``.
+Between two grid positions the curve is taken as straight and its precision ``A`` as constant. Then
+the residual and weight channels are straight, too, and the score, being a square of the level, lies
+above the straight line: at share ``f`` by ``f (1 - f)`` times the sum of the profile's ``bend`` over
+all readings. No finer profile is needed.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float
 
-from app.numerics.alignment import Aligned, score_positions, scoring_rows
-from app.numerics.index import MapIndex, RoadIndex
-from app.numerics.observation import TERMS, coefficients, marginal_score
-from app.numerics.posterior import Places, masses
-from app.numerics.query import Query, choose, unmapped_score
+from app.numerics.index import MapIndex
+from app.numerics.observation import offset_gain
+from app.numerics.posterior import Places
+from app.numerics.query import Query
 
-PARTS = 5  # 0.2 m: an eighth of the narrowest posterior seen, 1.6 m from edge to edge
-NARROW_M = 2.5  # wider posteriors are drawn well enough by their metres
+PARTS = 5  # 0.2 m: an eighth of the narrowest posteriors seen, from edge to edge
+NARROW_M = 1.25  # standard deviation; wider posteriors are drawn well enough by their metres
 AROUND = 3  # grid positions on either side of the best that are drawn anew
+SHARES = np.arange(PARTS) / PARTS
 
 
 def refine(index: MapIndex, query: Query, places: Places) -> Places:
     """
     Draw the neighbourhood of the best place anew at a fifth of the grid, where that matters.
 
-    The new places replace the old ones of the same metres, so that every metre keeps its weight.
+    The new places replace those of the same metres, so that every metre keeps its weight.
     """
-    best = int(np.argmax(places.score))
-    road = index.roads[int(places.road[best])]
-    near = (places.road == places.road[best]) & (places.sign == places.sign[best])
-    near &= np.abs(places.chainage_m - places.chainage_m[best]) < (AROUND + 0.5) * road.step_m
-    mass = masses(places, index.calibration.temperature)
-    around = mass[near] / max(float(mass[near].sum()), 1e-300)
-    mean_m = float(around @ places.chainage_m[near])
-    spread_m = float(np.sqrt(around @ (places.chainage_m[near] - mean_m) ** 2))
-    if spread_m * 2.0 > NARROW_M * road.step_m:
+    best = int(places.score.argmax())
+    road, sign = int(places.road[best]), int(places.sign[best])
+    step_m = index.roads[road].step_m
+    # Places of one road and direction stand in a row, one grid step apart.
+    first, last = _run(places, best, step_m)
+    if last - first < 2 or _spread_m(places, first, last, index) > NARROW_M * step_m:
         return places
-    closer = _closer(index, query, road, places.take(near))
-    return Places.join([places.take(~near), closer])
+    grid = np.rint(places.chainage_m[first : last + 1] / step_m).astype(np.intp)
+    bend = _bend(index, query, road, grid[:-1], sign)
+    finer = _between(places, first, last, bend, index.calibration.offset_sd_db)
+    kept = np.ones(len(places), dtype=bool)
+    kept[first : last + 1] = False
+    return Places.join([places.take(kept), finer])
 
 
-def _closer(index: MapIndex, query: Query, road: RoadIndex, old: Places) -> Places:
-    first = round(float(old.chainage_m.min()) / road.step_m)
-    last = round(float(old.chainage_m.max()) / road.step_m)
-    sign = int(old.sign[0])
-    fit = _align_between(index, query, road, first, last, sign)
-    count = len(fit.score)
-    chainage_m = (first + (np.arange(count) - PARTS // 2) / PARTS) * road.step_m
-    inside = (chainage_m >= 0.0) & (chainage_m <= road.length_m)
+def _run(places: Places, best: int, step_m: float) -> tuple[int, int]:
+    first = last = best
+    near = range(1, AROUND + 1)
+    for back in near:
+        if not _neighbours(places, best - back, best - back + 1, step_m):
+            break
+        first = best - back
+    for on in near:
+        if not _neighbours(places, best + on - 1, best + on, step_m):
+            break
+        last = best + on
+    return first, last
+
+
+def _neighbours(places: Places, left: int, right: int, step_m: float) -> bool:
+    return (
+        left >= 0
+        and right < len(places)
+        and bool(places.road[left] == places.road[right])
+        and bool(places.sign[left] == places.sign[right])
+        and 0.0 < places.chainage_m[right] - places.chainage_m[left] < 1.5 * step_m
+    )
+
+
+def _spread_m(places: Places, first: int, last: int, index: MapIndex) -> float:
+    score = places.score[first : last + 1]
+    weight = np.exp((score - score.max()) / index.calibration.temperature)
+    weight /= weight.sum()
+    chainage_m = places.chainage_m[first : last + 1]
+    mean_m = float(weight @ chainage_m)
+    return float(np.sqrt(weight @ (chainage_m - mean_m) ** 2))
+
+
+def _bend(
+    index: MapIndex, query: Query, road: int, grid: np.ndarray, sign: int
+) -> Float[np.ndarray, " intervals"]:
+    """How far the score lies above the straight line, from each grid position to the next."""
+    along, aimed = index.roads[road].along, query.aim(index, road)
+    at = grid - sign * aimed.behind[:, None]
+    inside = (at >= 0) & (at < along.bend.shape[1])
+    low, high = max(int(at.min()), 0), min(int(at.max()), along.bend.shape[1] - 1)
+    each = aimed.counted @ along.bend[aimed.cells, low : high + 1]
+    rows = np.arange(len(at))[:, None]
+    laid = each[rows, np.clip(at - low, 0, each.shape[1] - 1)]
+    return np.asarray(np.where(inside, laid, 0.0).sum(axis=0))
+
+
+def _between(
+    places: Places,
+    first: int,
+    last: int,
+    bend: Float[np.ndarray, " intervals"],
+    offset_sd_db: float,
+) -> Places:
+    def straight(values: np.ndarray) -> np.ndarray:
+        left, right = values[first:last, None], values[first + 1 : last + 1, None]
+        return np.append((left + SHARES * (right - left)).ravel(), values[last])
+
+    plain = places.score - offset_gain(places.residual, places.weight, offset_sd_db)
+    residual, weight = straight(places.residual), straight(places.weight)
+    above = np.append((bend[:, None] * (SHARES * (1.0 - SHARES))).ravel(), 0.0)
+    score = straight(plain) + above + offset_gain(residual, weight, offset_sd_db)
+    chainage_m = straight(places.chainage_m)
+    width_m = np.full(len(score), float(np.diff(chainage_m[:2])[0]))
+    width_m[0] = width_m[-1] = places.width_m[first] / 2.0 + width_m[1] / 2.0
     return Places(
-        np.full(count, old.road[0]),
-        np.full(count, sign),
+        np.full(len(score), places.road[first]),
+        np.full(len(score), places.sign[first]),
         chainage_m,
-        np.full(count, road.step_m / PARTS),
-        fit.score,
-        fit.residual,
-        fit.weight,
-    ).take(inside)
-
-
-def _align_between(
-    index: MapIndex, query: Query, road: RoadIndex, first: int, last: int, sign: int
-) -> Aligned:
-    chosen = choose(query, road.column)
-    behind = np.rint(query.fine.behind_m * (PARTS / road.step_m)).astype(np.intp)
-    reach = int(behind[-1]) // PARTS + 2
-    low, high = (first - reach, last + 1) if sign > 0 else (first - 1, last + reach)
-    rows = between(scoring_rows(road.along, chosen.there, low, high))
-    positions = (first - low) * PARTS + np.arange((last - first + 1) * PARTS) - PARTS // 2
-    channels = score_positions(rows, coefficients(query.fine, chosen.here), behind, positions, sign)
-    score = marginal_score(channels, index.calibration.offset_sd_db)
-    score = score + unmapped_score(query.fine, chosen.missing)
-    return Aligned(score, channels[1], channels[2])
-
-
-def between(rows: Float32[np.ndarray, "rows stretch"]) -> Float32[np.ndarray, "rows finer"]:
-    """Rows of a profile at `PARTS` places a step, from the first column to the last."""
-    share = (np.arange(PARTS, dtype=np.float32) / PARTS)[:, None]
-    left, right = rows[:, None, :-1], rows[:, None, 1:]
-    finer = left + share * (right - left)
-    precision, moment = rows[:-2:TERMS], rows[1:-2:TERMS]
-    level = np.divide(moment, precision, out=np.zeros_like(moment), where=precision > 0)
-    both = (precision[:, :-1] > 0) & (precision[:, 1:] > 0)
-    step = np.where(both, np.diff(level, axis=1), 0.0).astype(np.float32)
-    finer[2:-2:TERMS] -= (share * (1.0 - share)) * (finer[:-2:TERMS] * (step**2)[:, None])
-    flat = finer.transpose(0, 2, 1).reshape(len(rows), -1)
-    return np.concatenate([flat, rows[:, -1:]], axis=1)
+        width_m,
+        score,
+        residual,
+        weight,
+    )

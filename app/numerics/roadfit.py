@@ -112,7 +112,8 @@ class _Fitting:
     @property
     def grid_m(self) -> Floats:
         """Chainages of the grid; the last may lie a little beyond the end."""
-        return np.arange(int(np.ceil(self.end_m / self.step_m - 1e-9)) + 1) * self.step_m
+        steps = int(np.ceil(self.end_m / self.step_m - 1e-9))
+        return np.arange(steps + 1, dtype=np.float64) * self.step_m
 
     def curves(self, passes: Sequence[RoadPass], strength: float | None = None) -> FittedCurves:
         """Splines of every cell that these passes heard; the others' are flat and unmapped."""

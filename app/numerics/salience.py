@@ -9,8 +9,6 @@ from the rest of the road.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -74,14 +72,18 @@ def _salience(
 
 
 def _window_codes(
-    mean_dbm: Floats, spread_db: Floats, places: Sequence[int], step_m: float, reference: int
+    mean_dbm: Floats,
+    spread_db: Floats,
+    places: Int[np.ndarray, " places"],
+    step_m: float,
+    reference: int,
 ) -> Int[np.ndarray, "places kinds cells"]:
     """Features of the window that ends at each place, in steps of their noise; -1 = not heard."""
     reach = round(WINDOW_M / step_m)
     noise_db = np.nan_to_num(np.nanmedian(spread_db, axis=0), nan=3.0)
     widths = _noise(noise_db)
     codes = []
-    for end in places:
+    for end in places.tolist():
         part = mean_dbm[max(0, end - reach) : end + 1]
         features = feature_matrix(part, np.arange(len(part)) * step_m, reference)
         with np.errstate(invalid="ignore"):

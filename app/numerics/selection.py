@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 
 TOLERANCE_BITS = 0.02
 EXHAUSTIVE_FEATURES = 12  # 2^12 subsets are looked at one by one, as in the paper
-BRANCH_NODES = 4000  # subsets that branch and bound may weigh before the greedy search takes over
+BRANCH_NODES = 1000  # subsets that branch and bound may weigh before the greedy search takes over
 
 
 @dataclass(frozen=True, slots=True)
