@@ -24,6 +24,7 @@ from app.domain import Road
 
 TIMEOUT_S = 60.0  # storing a long drive on a busy disk
 POLL_S = 0.5
+PATIENCE_S = 30.0  # for a service that is started again while a build goes on
 PACKED_FROM_BYTES = 4096  # smaller bodies cost more to pack than to send
 
 
@@ -71,8 +72,7 @@ class HttpTarget:
                 yield view
                 if view.finished:
                     return
-            time.sleep(POLL_S)  # a proxy cut the stream, or the service starts anew
-            view = _view(self._send("GET", f"/v1/builds/{build_id}").json())
+            view = self._asked_again(build_id)  # a proxy cut the stream, or the service restarts
             yield view
             if view.finished:
                 return
@@ -108,6 +108,17 @@ class HttpTarget:
                         yield _view(orjson.loads(line[5:]))
         except httpx.TransportError:
             return
+
+    def _asked_again(self, build_id: str) -> BuildView:
+        """The build as it stands, from a service that may be away for a moment."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while True:
+            time.sleep(POLL_S)
+            try:
+                return _view(self._send("GET", f"/v1/builds/{build_id}").json())
+            except Unreachable:
+                if time.monotonic() > deadline_s:
+                    raise
 
     def _send(
         self, method: str, path: str, body: Any = None, headers: dict[str, str] | None = None
