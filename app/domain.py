@@ -82,7 +82,7 @@ class Salience:
         mask: The diagonal of the paper's W (Eq. 7). Shape ``(5, cells)``, rows in the order of
             `FEATURE_KINDS`.
         gain_bits: Information gain (Eq. 6) of the chosen features.
-        full_gain_bits: The same of all features; ``gain_bits`` is within the stated tolerance of it.
+        full_gain_bits: The same of all features; ``gain_bits`` is within a stated tolerance of it.
         search: ``exhaustive``, ``branch-and-bound`` (both exact) or ``greedy``.
     """
 
@@ -97,7 +97,7 @@ class Curve:
     """
     B-spline of one cell's RSRP in chainage over one sub-segment.
 
-    ``scipy.interpolate.BSpline(knots_m, coefficients_dbm, degree)`` gives dBm at a chainage in metres.
+    ``scipy.interpolate.BSpline(knots_m, coefficients_dbm, degree)`` gives dBm at a chainage.
     """
 
     cell: str
@@ -162,7 +162,7 @@ class RoadModel:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What held-out windows say of a whole map's probabilities. Plain numbers: it is stored as JSON."""
+    """What held-out windows say of a whole map's probabilities. Plain numbers, stored as JSON."""
 
     temperature: float = 1.0
     offset_sd_db: float = 2.0
@@ -189,7 +189,8 @@ class Window:
     What a vehicle heard over its last metres, oldest sample first.
 
     Attributes:
-        distance_m: Travelled distance of each sample, non-decreasing, any origin. Shape ``(samples,)``.
+        distance_m: Travelled distance of each sample, non-decreasing, any origin. Shape
+            ``(samples,)``.
         rsrp_dbm: Shape ``(samples, cells)``; NaN = not heard.
     """
 
