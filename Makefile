@@ -59,7 +59,7 @@ docs: install openapi ## the generated part of the documentation, and the tests 
 check: lint types contracts test ## all that must pass before a change lands
 
 constraints: install ## constraints.txt anew, from what is installed now
-	@{ sed -n '/^#/p' constraints.txt; $(BIN)/pip freeze --exclude-editable | sort -f; } > constraints.new
+	@{ sed -n '/^#/p' constraints.txt; $(BIN)/pip freeze --exclude-editable | sort -fu; } > constraints.new
 	@mv constraints.new constraints.txt
 
 clean: ## all that was made here, the environment and the demo's data included
