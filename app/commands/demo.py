@@ -94,7 +94,8 @@ def _free_port(wanted: int) -> int:
 @contextmanager
 def _service(data: Path, port: int) -> Iterator[HttpTarget]:
     """`roadprint serve` on the folder, as an operator would start it, until the block ends."""
-    command = [sys.executable, "-m", "app", "serve", "--data", str(data), "--port", str(port)]
+    where = ("--host", "127.0.0.1", "--port", str(port))
+    command = (sys.executable, "-m", "app", "serve", "--data", str(data), *where)
     # The demo is about its own folder, whatever store the environment names.
     environment = {name: value for name, value in os.environ.items() if name != STORE_VARIABLE}
     with (data / LOG_FILE).open("wb") as log:
