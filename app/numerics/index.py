@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
+from numpy.typing import NDArray
 
 from app.domain import Calibration, Line, RadioMap, RoadModel
 from app.numerics.geodesy import Floats, LocalFrame
@@ -75,8 +77,8 @@ class Atlas:
 class Spot:
     """Places between grid positions of an `Atlas`."""
 
-    low: np.ndarray
-    share: np.ndarray
+    low: np.ndarray | np.integer
+    share: np.ndarray | np.floating
 
     def of(self, values: Floats) -> Floats:
         """An atlas column at the places, straight between grid positions."""
@@ -264,7 +266,7 @@ def _coarse_road(
     own = [index for index, cell in enumerate(model.cells) if cell in column]
     rows = [column[model.cells[index]] for index in own]
 
-    def blocks(values: Floats) -> Floats:
+    def blocks(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
         padded = np.pad(values[:, own], ((before, after), (0, 0)), constant_values=np.nan)
         return padded.reshape(size, factor, len(own))
 
