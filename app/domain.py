@@ -141,7 +141,7 @@ class RoadModel:
         heard: Probability that a sample hears the cell, same shape, float32.
         features: The road-scale features (Eq. 3). Shape ``(5, cells)``.
         evidence: Held-out windows of this road's own passes, for calibration; columns as in
-            `app.numerics.calibration.EVIDENCE_COLUMNS`. Shape ``(windows, columns)``, float32.
+            `app.numerics.evidence_table.COLUMNS`. Shape ``(windows, columns)``, float32.
     """
 
     road_id: str
@@ -165,13 +165,11 @@ class Calibration:
     """What held-out windows say of a whole map's probabilities. Plain numbers, stored as JSON."""
 
     temperature: float = 1.0
-    offset_sd_db: float = 2.0
-    off_map_intercept: float = -4.0
-    off_map_slope: float = 0.0
+    offset_sd_db: float = 1.0
+    position_sd_m: float = 0.0
+    off_map_intercept: float = 4.0
+    off_map_slope: float = 2.0
     window_count: int = 0
-    reliability_predicted: tuple[float, ...] = ()
-    reliability_observed: tuple[float, ...] = ()
-    reliability_count: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from app.domain import Candidate, Direction, Fix
-from app.numerics.calibration import off_map_probability
 from app.numerics.index import MapIndex
 from app.numerics.observation import offset_db
+from app.numerics.offmap import off_map_probability
 from app.numerics.posterior import Places, masses, radius_m
 from app.numerics.query import Query
 
@@ -58,7 +58,9 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
         chainage_m=chainage_m,
         direction=_direction(sign),
         heading_deg=(float(atlas.heading_deg[here.low]) + (0.0 if sign > 0 else 180.0)) % 360.0,
-        accuracy_m=radius_m(away_m, mass, places.width_m, confidence),
+        accuracy_m=radius_m(
+            away_m, mass, places.width_m, confidence, index.calibration.position_sd_m
+        ),
         confidence=confidence,
         off_map_posterior=off_map,
         device_offset_db=offset_db(

@@ -13,20 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from app.domain import Calibration
 from app.numerics.alignment import align
-from app.numerics.calibration import (
-    DEFAULT_OFFSET_SD_DB,
-    EVIDENCE_COLUMNS,
-    TEMPERATURES,
-    fit_per_reading,
-)
+from app.numerics.evidence_table import COLUMNS, POSITION_SDS_M, TEMPERATURES
+from app.numerics.geodesy import Floats
 from app.numerics.observation import Profile, evidence, marginal_score, profile
+from app.numerics.offmap import fit_per_reading
 from app.numerics.passes import RoadPass
 from app.numerics.query import FINE_STEP_M, take_aim
 
 WINDOW_LENGTHS_M = (30.0, 60.0, 120.0, 200.0)
 WINDOWS_PER_LENGTH = 12
 NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
+SMALLEST_DENSITY = 1e-6  # one window in the wrong place must not decide alone
 MOST_FOLDS = 4
 
 
@@ -51,7 +50,7 @@ def held_out_evidence(
     step_m: float,
 ) -> Float[np.ndarray, "windows columns"]:
     """
-    One row a window, columns as in `EVIDENCE_COLUMNS`.
+    One row a window, columns as in `app.numerics.evidence_table.COLUMNS`.
 
     Args:
         passes: All passes of the road; their columns are ``cells``.
@@ -71,7 +70,7 @@ def held_out_evidence(
         for number, one in enumerate(passes[:MOST_FOLDS]):
             drawn = _redrawn(one, surface, step_m, seed=number)
             rows += _windows(drawn, cells, along, step_m, measured=False)
-    return np.array(rows, dtype=np.float32).reshape(-1, len(EVIDENCE_COLUMNS))
+    return np.array(rows, dtype=np.float32).reshape(-1, len(COLUMNS))
 
 
 def _folds(passes: Sequence[RoadPass]) -> list[list[RoadPass]]:
@@ -104,23 +103,14 @@ def _windows(
             first = int(np.searchsorted(travelled_m, travelled_m[last] - length))
             row = _one_window(one, first, last, cells, along, step_m)
             if row is not None:
-                rows.append(
-                    [row.fit, row.offset_db, row.variance_db2, float(measured), *row.log_mass]
-                )
+                row[COLUMNS.index("measured")] = float(measured)
+                rows.append(row)
     return rows
-
-
-@dataclass(frozen=True, slots=True)
-class _Outcome:
-    fit: float
-    offset_db: float
-    variance_db2: float
-    log_mass: list[float]
 
 
 def _one_window(
     one: RoadPass, first: int, last: int, cells: tuple[str, ...], along: Profile, step_m: float
-) -> _Outcome | None:
+) -> list[float] | None:
     rsrp = one.rsrp_dbm[first : last + 1]
     heard = np.flatnonzero(~np.isnan(rsrp).all(axis=0))
     if len(heard) == 0:
@@ -130,18 +120,39 @@ def _one_window(
     aim = take_aim(seen, names, {cell: index for index, cell in enumerate(cells)}, step_m)
     grid = np.arange(len(along.base))
     channels = [align(along, aim, grid, sign) for sign in (one.sign, -one.sign)]
-    score = np.concatenate([marginal_score(each, DEFAULT_OFFSET_SD_DB) for each in channels])
+    score = np.concatenate([marginal_score(each, Calibration().offset_sd_db) for each in channels])
     near = np.concatenate([np.abs(grid * step_m - one.chainage_m[last]) <= NEAR_TRUTH_M, grid < 0])
     truth = int(np.argmax(np.where(near, score, -np.inf)))
     weight = float(channels[0][2, truth])
-    return _Outcome(
-        fit=fit_per_reading(float(score.max()), seen),
-        offset_db=float(channels[0][1, truth]) / max(weight, 1e-6),
-        variance_db2=1.0 / max(weight, 1e-6),
-        log_mass=[_log_mass(score, near, t) for t in TEMPERATURES],
+    return [
+        fit_per_reading(float(score.max()), seen),
+        float(channels[0][1, truth]) / max(weight, 1e-6),
+        1.0 / max(weight, 1e-6),
+        0.0,
+        *_log_densities(score, grid * step_m - one.chainage_m[last], step_m),
+    ]
+
+
+def _log_densities(score: Floats, miss_m: Floats, step_m: float) -> list[float]:
+    """
+    Log of the posterior per metre at the truth, for every one of `CHOICES`.
+
+    Args:
+        score: Of all grid positions, in the driven direction first.
+        miss_m: Chainage of the grid positions less the true one.
+    """
+    above = score - score.max()
+    posterior = np.exp(above[None, :] / np.array(TEMPERATURES)[:, None])
+    posterior /= posterior.sum(axis=1, keepdims=True) * step_m
+    driven = posterior[:, : len(miss_m)]
+    near = np.stack([_nearness(miss_m, sd_m, step_m) for sd_m in POSITION_SDS_M], axis=1)
+    return [float(x) for x in np.log(np.maximum(driven @ near, SMALLEST_DENSITY)).ravel()]
+
+
+def _nearness(miss_m: Floats, sd_m: float, step_m: float) -> Floats:
+    """Chance that a place missed by so much is the truth, when the truth errs by ``sd_m``."""
+    if sd_m == 0.0:
+        return (np.abs(miss_m) <= step_m / 2.0).astype(float)
+    return np.asarray(
+        np.exp(-0.5 * (miss_m / sd_m) ** 2) * (step_m / (sd_m * np.sqrt(2.0 * np.pi)))
     )
-
-
-def _log_mass(score: Float[np.ndarray, " places"], near: np.ndarray, temperature: float) -> float:
-    weight = np.exp((score - score.max()) / temperature)
-    return float(np.log(max(weight[near].sum() / weight.sum(), 1e-9)))

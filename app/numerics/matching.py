@@ -2,8 +2,8 @@
 Two-scale matching: which road, which sub-segment, where on it.
 
 Coarse to fine, nothing lost: the salient cells, averaged over coarse steps, score every sub-segment
-of every road that hears any of them; the stretches that hold all but `LEFT_OUT` of the posterior are
-then aligned reading by reading with the fitted curves, and only those scores make the answer.
+of every road that hears any of them; the stretches that hold all but `LEFT_OUT` of the posterior
+are then aligned reading by reading with the fitted curves, and only those scores make the answer.
 `app.numerics.exhaustive` is the definition of what this must return.
 """
 
@@ -64,13 +64,20 @@ class Coarse:
         )
 
 
-def shortlist(index: MapIndex, query: Query) -> Coarse:
-    """The coarse positions that hold all but `LEFT_OUT` of the posterior."""
+def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coarse:
+    """
+    The coarse positions that hold all but `LEFT_OUT` of the posterior.
+
+    Args:
+        without: Number of a road to leave out, as if the map lacked it.
+    """
     size = next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
     seen = query.at_step(COARSE_STEPS_M[size])
     tapes = [tape for tape in index.tapes if not tape.column.keys().isdisjoint(query.cells)]
     scored = [_score_tape(index, query, seen, tape, size) for tape in tapes or index.tapes]
     every = scored[0] if len(scored) == 1 else _joined(scored)
+    if without is not None:
+        every = every.take(np.flatnonzero(every.road != without))
     flat = index.calibration.temperature * COARSE_FLATTENING
     return every.take(kept_by_mass(every.score, flat, LEFT_OUT, MOST_KEPT))
 

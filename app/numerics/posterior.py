@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+RADIUS_STEPS = 25
+RADIUS_SDS = 4.0  # the radius lies this near the one that would hold if places were points
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
@@ -65,13 +68,13 @@ def kept_by_mass(
     Args:
         most: No more than this many, whatever they leave out.
     """
-    weight = np.exp((score - score.max()) / temperature)
-    total = weight.sum()
+    weight = np.exp((score - score.max()) * (1.0 / temperature))
+    total = float(weight.sum())
     # Places under the floor hold less than half of left_out together: sort the others only.
-    likely = np.flatnonzero(weight >= 0.5 * left_out * total / len(score))
-    order = likely[np.argsort(-weight[likely], kind="stable")]
-    enough = int(np.searchsorted(np.cumsum(weight[order]), (1.0 - left_out) * total)) + 1
-    return order[: min(enough, most)]
+    likely = (weight >= 0.5 * left_out * total / len(score)).nonzero()[0]
+    order = likely[(-weight[likely]).argsort(kind="stable")]
+    enough = int(weight[order].cumsum().searchsorted((1.0 - left_out) * total)) + 1
+    return np.asarray(order[: min(enough, most)])
 
 
 def radius_m(
@@ -79,22 +82,32 @@ def radius_m(
     mass: Float[np.ndarray, " places"],
     width_m: Float[np.ndarray, " places"],
     confidence: float,
+    position_sd_m: float,
 ) -> float:
     """
     Radius about the reported position that holds ``confidence`` of the mass.
 
-    A place's mass is spread evenly over its own length of road, so the radius moves smoothly.
+    The mass of a place at distance ``d`` lies about it as ``N(d, sd^2)``, where ``sd`` joins the
+    place's own length of road and the error of surveyed positions; a radius ``R`` holds
+    ``Phi((R - d) / sd) - Phi((-R - d) / sd)`` of it.
 
     Args:
         away_m: Distance of each place from the reported position.
+        position_sd_m: Error of surveyed positions along the road.
     """
-    half = width_m / 2.0
-    near, far = np.maximum(away_m - half, 0.0), away_m + half
-    order = np.argsort(far, kind="stable")
-    edges = np.concatenate(([0.0], far[order]))
-    share = np.clip((edges[:, None] - near) / (far - near), 0.0, 1.0) if len(far) < 200 else None
-    if share is None:
-        covered = np.concatenate(([0.0], np.cumsum(mass[order])))
-    else:
-        covered = share @ mass
-    return float(np.interp(confidence * covered[-1], covered, edges))
+    matter = mass > 1e-5
+    away_m, mass = away_m[matter], mass[matter] / mass[matter].sum()
+    sd_m = np.sqrt(width_m[matter] ** 2 / 12.0 + position_sd_m**2)
+    order = away_m.argsort(kind="stable")
+    covered = mass[order].cumsum()
+    middle = float(away_m[order][min(int(covered.searchsorted(confidence)), len(order) - 1)])
+    reach = RADIUS_SDS * float(sd_m.max())
+    radii = np.linspace(max(middle - reach, 0.0), middle + reach, RADIUS_STEPS)
+    inner = _normal_share((radii[:, None] - away_m) / sd_m)
+    held = (inner - _normal_share((-radii[:, None] - away_m) / sd_m)) @ mass
+    return float(np.interp(confidence, held, radii))
+
+
+def _normal_share(z: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Standard normal distribution function, within 3e-4 (Page 1977)."""
+    return np.asarray(0.5 + 0.5 * np.tanh(z * (0.7978846 + 0.035677 * z * z)))

@@ -3,8 +3,8 @@ Places between the metres: where the posterior is narrower than the grid, look c
 
 Between two grid positions the curve is taken as straight and its precision ``A`` as constant. Then
 the residual and weight channels are straight, too, and the score, being a square of the level, lies
-above the straight line: at share ``f`` by ``f (1 - f)`` times the sum of the profile's ``bend`` over
-all readings. No finer profile is needed.
+above the straight line: at share ``f`` by ``f (1 - f)`` times the sum of the profile's ``bend``
+over all readings. No finer profile is needed.
 """
 
 from __future__ import annotations
@@ -45,27 +45,14 @@ def refine(index: MapIndex, query: Query, places: Places) -> Places:
 
 
 def _run(places: Places, best: int, step_m: float) -> tuple[int, int]:
-    first = last = best
-    near = range(1, AROUND + 1)
-    for back in near:
-        if not _neighbours(places, best - back, best - back + 1, step_m):
-            break
-        first = best - back
-    for on in near:
-        if not _neighbours(places, best + on - 1, best + on, step_m):
-            break
-        last = best + on
-    return first, last
-
-
-def _neighbours(places: Places, left: int, right: int, step_m: float) -> bool:
-    return (
-        left >= 0
-        and right < len(places)
-        and bool(places.road[left] == places.road[right])
-        and bool(places.sign[left] == places.sign[right])
-        and 0.0 < places.chainage_m[right] - places.chainage_m[left] < 1.5 * step_m
-    )
+    """The row of places about the best one, at most `AROUND` to either side."""
+    low, high = max(best - AROUND, 0), min(best + AROUND, len(places) - 1)
+    part = slice(low, high + 1)
+    same = (places.road[part] == places.road[best]) & (places.sign[part] == places.sign[best])
+    steps = np.arange(low - best, high - best + 1)
+    same &= np.abs(places.chainage_m[part] - places.chainage_m[best] - steps * step_m) < step_m / 2
+    row = np.flatnonzero(same)
+    return low + int(row[0]), low + int(row[-1])
 
 
 def _spread_m(places: Places, first: int, last: int, index: MapIndex) -> float:
@@ -81,14 +68,14 @@ def _bend(
     index: MapIndex, query: Query, road: int, grid: np.ndarray, sign: int
 ) -> Float[np.ndarray, " intervals"]:
     """How far the score lies above the straight line, from each grid position to the next."""
-    along, aimed = index.roads[road].along, query.aim(index, road)
-    at = grid - sign * aimed.behind[:, None]
-    inside = (at >= 0) & (at < along.bend.shape[1])
-    low, high = max(int(at.min()), 0), min(int(at.max()), along.bend.shape[1] - 1)
-    each = aimed.counted @ along.bend[aimed.cells, low : high + 1]
-    rows = np.arange(len(at))[:, None]
-    laid = each[rows, np.clip(at - low, 0, each.shape[1] - 1)]
-    return np.asarray(np.where(inside, laid, 0.0).sum(axis=0))
+    bend, aim = index.roads[road].along.bend, query.aim(index, road)
+    at = grid - sign * aim.behind[:, None]
+    low, high = max(int(at.min()), 0), min(int(at.max()), bend.shape[1] - 1)
+    each = np.zeros((len(at), high - low + 2))  # the last column stands for "off the road"
+    each[:, :-1] = aim.counted @ bend[aim.cells, low : high + 1]
+    at[(at < low) | (at > high)] = high + 1
+    starts = np.arange(0, each.size, each.shape[1])[:, None] - low
+    return np.asarray(each.ravel().take(at + starts).sum(axis=0))
 
 
 def _between(
@@ -98,23 +85,23 @@ def _between(
     bend: Float[np.ndarray, " intervals"],
     offset_sd_db: float,
 ) -> Places:
-    def straight(values: np.ndarray) -> np.ndarray:
-        left, right = values[first:last, None], values[first + 1 : last + 1, None]
-        return np.append((left + SHARES * (right - left)).ravel(), values[last])
-
-    plain = places.score - offset_gain(places.residual, places.weight, offset_sd_db)
-    residual, weight = straight(places.residual), straight(places.weight)
-    above = np.append((bend[:, None] * (SHARES * (1.0 - SHARES))).ravel(), 0.0)
-    score = straight(plain) + above + offset_gain(residual, weight, offset_sd_db)
-    chainage_m = straight(places.chainage_m)
-    width_m = np.full(len(score), float(np.diff(chainage_m[:2])[0]))
-    width_m[0] = width_m[-1] = places.width_m[first] / 2.0 + width_m[1] / 2.0
+    residual, weight = places.residual[first : last + 1], places.weight[first : last + 1]
+    gain = offset_gain(residual, weight, offset_sd_db)
+    plain = places.score[first : last + 1] - gain
+    corners = np.stack([places.chainage_m[first : last + 1], plain, residual, weight])
+    sides = corners[:, :-1, None] + SHARES * (corners[:, 1:] - corners[:, :-1])[:, :, None]
+    fine = np.concatenate([sides.reshape(4, -1), corners[:, -1:]], axis=1)
+    fine[1, :-1] += (bend[:, None] * (SHARES * (1.0 - SHARES))).ravel()
+    fine[1] += offset_gain(fine[2], fine[3], offset_sd_db)
+    count, step_m = fine.shape[1], places.width_m[first]
+    width_m = np.full(count, step_m / PARTS)
+    width_m[0] = width_m[-1] = step_m / 2.0 * (1.0 + 1.0 / PARTS)  # an end keeps its outer half
     return Places(
-        np.full(len(score), places.road[first]),
-        np.full(len(score), places.sign[first]),
-        chainage_m,
+        np.full(count, places.road[first]),
+        np.full(count, places.sign[first]),
+        fine[0],
         width_m,
-        score,
-        residual,
-        weight,
+        fine[1],
+        fine[2],
+        fine[3],
     )
