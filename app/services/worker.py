@@ -29,7 +29,7 @@ from app.store.migrate import migrate
 log = logging.getLogger(__name__)
 
 NICENESS = 10  # queries beside a build stay fast: their process always goes first
-LOOK_S = 0.2  # how often the outbox is read
+LOOK_S = 0.4  # how often the outbox is read
 CHECK_S = 2.0  # how often dead workers and broken jobs are looked for
 TIDY_S = 600.0
 

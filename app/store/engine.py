@@ -16,7 +16,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import URL, Connection, Engine, make_url
 
-from app.store.checkpoint import SAFE_WAL_LIBRARY, checkpoint_when_due
+from app.store.checkpoint import CHECKPOINT_BYTES, SAFE_WAL_LIBRARY, checkpoint_when_due
 
 DEFAULT_BUSY_TIMEOUT_MS = 10_000
 WRITER_LOCK = 0x726F6164  # "road": PostgreSQL's advisory lock that makes it one writer at a time
@@ -102,6 +102,8 @@ def _sqlite_engine(url: URL, busy_timeout_ms: int) -> Engine:
             cursor.execute("PRAGMA cache_size = -65536")  # 64 MiB
             if own_checkpoints:
                 cursor.execute("PRAGMA wal_autocheckpoint = 0")
+                # A WAL that starts anew is cut to this, so that its size says what is due.
+                cursor.execute(f"PRAGMA journal_size_limit = {CHECKPOINT_BYTES // 8}")
 
     @sa.event.listens_for(engine, "begin")
     def _begin(connection: Connection) -> None:

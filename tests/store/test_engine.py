@@ -110,6 +110,9 @@ def test_the_log_does_not_grow_without_end(tmp_path, monkeypatch):
     """With automatic checkpoints off, our own keep the WAL near its limit and lose nothing."""
     monkeypatch.setattr(sqlite3, "sqlite_version_info", (3, 40, 1))
     monkeypatch.setattr(checkpoints, "CHECKPOINT_BYTES", 100_000)
+    monkeypatch.setattr("app.store.engine.CHECKPOINT_BYTES", 100_000)
+    done = []
+    monkeypatch.setattr(checkpoints, "checkpoint", lambda path: done.append(checkpoint(path)))
     engine = create_store_engine(f"sqlite:///{tmp_path}/store.sqlite")
     with write(engine) as connection:
         connection.exec_driver_sql("CREATE TABLE pages (number INTEGER, body BLOB)")
@@ -120,6 +123,7 @@ def test_the_log_does_not_grow_without_end(tmp_path, monkeypatch):
             connection.exec_driver_sql("INSERT INTO pages VALUES (?, randomblob(8000))", (number,))
         highest = max(highest, log.stat().st_size)
     assert highest < 200_000
+    assert 4 < len(done) < 25  # 100 inserts of two or three pages each: one in eight or so
     with read(engine) as connection:
         assert connection.exec_driver_sql("SELECT count(*) FROM pages").scalar() == 100
         assert connection.exec_driver_sql("PRAGMA integrity_check").scalar() == "ok"
