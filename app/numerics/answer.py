@@ -35,7 +35,7 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
     spots = atlas.spot(places.road, places.chainage_m)
     here = atlas.spot(np.array(number), np.array(chainage_m))
     segment = _segment(index, number, chainage_m)
-    candidates = _candidates(index, places, mass, spots.low, 1.0 - off_map)
+    candidates = _candidates(index, places, mass, np.asarray(spots.low), 1.0 - off_map)
     away_m = np.hypot(
         spots.of(atlas.x_m) - here.of(atlas.x_m), spots.of(atlas.y_m) - here.of(atlas.y_m)
     )

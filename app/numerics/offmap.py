@@ -7,7 +7,7 @@ import numpy as np
 from app.domain import Calibration
 from app.numerics.observation import Evidence
 
-OFF_MAP_PRIOR = 0.1  # before a map has learnt anything, one window in ten is from elsewhere
+OFF_MAP_PRIOR = 0.05  # before a map has learnt anything, one window in twenty is from elsewhere
 
 
 def fit_per_reading(best_score: float, seen: Evidence) -> float:

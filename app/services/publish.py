@@ -6,7 +6,6 @@ import logging
 import threading
 
 from sqlalchemy.engine import Engine
-from sqlalchemy.exc import SQLAlchemyError
 
 from app.numerics.index import MapIndex
 from app.services.maps import active_version, load_radio_map
@@ -48,5 +47,5 @@ class MapHolder:
             try:
                 if self.refresh(engine):
                     log.info("serving map version %s", self.version)
-            except SQLAlchemyError:
-                log.exception("could not look for a new map; the present one is served on")
+            except Exception:  # whatever is wrong with the store or a map, the present one serves on
+                log.exception("could not take over the active map; the present one is served on")
