@@ -17,10 +17,10 @@ from app.domain import Calibration
 from app.numerics.alignment import align
 from app.numerics.evidence_table import COLUMNS, POSITION_SDS_M, TEMPERATURES
 from app.numerics.geodesy import Floats
-from app.numerics.observation import Profile, evidence, marginal_score, profile
+from app.numerics.observation import Profile, marginal_score, profile
 from app.numerics.offmap import fit_per_reading
 from app.numerics.passes import RoadPass
-from app.numerics.query import FINE_STEP_M, take_aim
+from app.numerics.query import prepare
 
 WINDOW_LENGTHS_M = (30.0, 60.0, 120.0, 200.0)
 WINDOWS_PER_LENGTH = 12
@@ -116,8 +116,8 @@ def _one_window(
     if len(heard) == 0:
         return None
     names = tuple(cells[column] for column in heard)
-    seen = evidence(one.travelled_m[first : last + 1], rsrp[:, heard], FINE_STEP_M)
-    aim = take_aim(seen, names, {cell: index for index, cell in enumerate(cells)}, step_m)
+    query = prepare(names, (), one.travelled_m[first : last + 1], rsrp[:, heard])
+    aim = query.aim({cell: index for index, cell in enumerate(cells)}, step_m)
     grid = np.arange(len(along.base))
     channels = [align(along, aim, grid, sign) for sign in (one.sign, -one.sign)]
     score = np.concatenate([marginal_score(each, Calibration().offset_sd_db) for each in channels])
@@ -125,7 +125,7 @@ def _one_window(
     truth = int(np.argmax(np.where(near, score, -np.inf)))
     weight = float(channels[0][2, truth])
     return [
-        fit_per_reading(float(score.max()), seen),
+        fit_per_reading(float(score.max()), query.fine),
         float(channels[0][1, truth]) / max(weight, 1e-6),
         1.0 / max(weight, 1e-6),
         0.0,

@@ -19,9 +19,9 @@ from app.domain import Fix, Window
 from app.numerics.alignment import align, score_positions
 from app.numerics.answer import answer
 from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex, Tape
-from app.numerics.observation import TERMS, Evidence, marginal_score
+from app.numerics.observation import TERMS, marginal_score
 from app.numerics.posterior import Places, kept_by_mass
-from app.numerics.query import Query, ask, take_aim
+from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
 
 LEFT_OUT = 1e-4  # share of the coarse posterior that the fine scale may never see
@@ -72,9 +72,8 @@ def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coar
         without: Number of a road to leave out, as if the map lacked it.
     """
     size = next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
-    seen = query.at_step(COARSE_STEPS_M[size])
     tapes = [tape for tape in index.tapes if not tape.column.keys().isdisjoint(query.cells)]
-    scored = [_score_tape(index, query, seen, tape, size) for tape in tapes or index.tapes]
+    scored = [_score_tape(index, query, tape, size) for tape in tapes or index.tapes]
     every = scored[0] if len(scored) == 1 else _joined(scored)
     if without is not None:
         every = every.take(np.flatnonzero(every.road != without))
@@ -82,9 +81,9 @@ def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coar
     return every.take(kept_by_mass(every.score, flat, LEFT_OUT, MOST_KEPT))
 
 
-def _score_tape(index: MapIndex, query: Query, seen: Evidence, tape: Tape, size: int) -> Coarse:
+def _score_tape(index: MapIndex, query: Query, tape: Tape, size: int) -> Coarse:
     level = tape.levels[size]
-    aim = take_aim(seen, query.cells, tape.column, level.step_m)
+    aim = query.aim(tape.column, level.step_m, joined=True)
     rows = np.empty((TERMS * len(aim.cells) + 2, len(level.outside)), dtype=np.float32)
     rows[:-2] = level.along.terms[aim.cells].reshape(-1, len(level.outside))
     rows[-2], rows[-1] = level.along.base, level.outside
@@ -136,7 +135,7 @@ def whole_roads(index: MapIndex, query: Query) -> Places:
 def _stretch(
     index: MapIndex, query: Query, number: int, sign: int, first: int, last: int
 ) -> Places:
-    road, aim = index.roads[number], query.aim(index, number)
+    road, aim = index.roads[number], query.aim_at(index, number)
     grid = np.arange(first, last + 1)
     channels = align(road.along, aim, grid, sign)
     score = marginal_score(channels, index.calibration.offset_sd_db)

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32
 
 CENTRE_DBM = -95.0
 BACKGROUND_SPAN_DB = 50.0  # phones report some 50 dB of useful RSRP; any level in it is as likely
@@ -123,23 +123,14 @@ def evidence(
     known = level_db == level_db  # noqa: PLR0124  # False for NaN alone, in one pass
     heard = known.astype(float)
     level_db = np.where(known, level_db, 0.0)
-    return joined(distance_m[-1] - distance_m[::-1], level_db, heard, step_m)
-
-
-def joined(
-    behind_m: Float[np.ndarray, " samples"],
-    level_db: Float[np.ndarray, "samples cells"],
-    heard: Float[np.ndarray, "samples cells"],
-    step_m: float,
-) -> Evidence:
-    """Average samples, newest first, over stretches of ``step_m``; see `Evidence`."""
+    behind_m = distance_m[-1] - distance_m[::-1]
     stretch = np.rint(behind_m / step_m)
     change = stretch[1:] != stretch[:-1]
     if not change.all():
         starts = np.concatenate(([0], np.flatnonzero(change) + 1))
         count = np.add.reduceat(heard, starts, axis=0)
         samples = np.diff(np.append(starts, len(stretch)))
-        level_db = np.add.reduceat(level_db * heard, starts, axis=0) / np.maximum(count, 1e-9)
+        level_db = np.add.reduceat(level_db, starts, axis=0) / np.maximum(count, 1.0)
         heard = count / samples[:, None]
         behind_m = np.add.reduceat(behind_m, starts) / samples
     return Evidence(behind_m, level_db, heard, sample_weight(behind_m))
@@ -157,22 +148,19 @@ def sample_weight(behind_m: Float[np.ndarray, " samples"]) -> Float[np.ndarray, 
     return np.minimum(share_m * (1.0 / CORRELATION_M), 1.0)
 
 
-def coefficients(
-    seen: Evidence, cells: Int[np.ndarray, " chosen"]
-) -> Float32[np.ndarray, "channels samples rows"]:
+def coefficients(seen: Evidence) -> Float32[np.ndarray, "channels samples rows"]:
     """
-    The window's side of the likelihood: what multiplies each row of `scoring_rows`.
+    The window's side of the likelihood: what multiplies each of a profile's rows.
 
     Three channels: the score, the weighted residual and the weight, per sample. Rows are the four
-    terms of each chosen cell (columns of ``seen``), then the base, then "outside the road".
+    terms of each cell of the window, then the base, then "outside the road".
     """
-    count = len(cells)
-    level = seen.rsrp_db[:, cells]
-    heard = seen.heard[:, cells] * seen.weight[:, None]
-    out = np.zeros((CHANNELS, len(level), count * TERMS + 2), dtype=np.float32)
-    by_cell = out[:, :, :-2].reshape(CHANNELS, len(level), count, TERMS)
-    heard_level = heard * level
-    by_cell[0, :, :, 0] = -0.5 * heard_level * level
+    samples, count = seen.heard.shape
+    heard = seen.heard * seen.weight[:, None]
+    heard_level = heard * seen.rsrp_db
+    out = np.zeros((CHANNELS, samples, count * TERMS + 2), dtype=np.float32)
+    by_cell = out[:, :, :-2].reshape(CHANNELS, samples, count, TERMS)
+    by_cell[0, :, :, 0] = -0.5 * heard_level * seen.rsrp_db
     by_cell[0, :, :, 1] = heard_level
     by_cell[0, :, :, 2] = -0.5 * heard
     by_cell[0, :, :, 3] = HEARING_WEIGHT * heard

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-RADIUS_STEPS = 25
+RADIUS_STEPS = 17
 RADIUS_SDS = 4.0  # the radius lies this near the one that would hold if places were points
 
 

@@ -12,10 +12,10 @@ from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex
 from app.numerics.observation import (
     HEARD_FLOOR,
     HEARING_WEIGHT,
+    TERMS,
     Evidence,
     coefficients,
     evidence,
-    joined,
 )
 
 FINE_STEP_M = 1.0
@@ -30,16 +30,16 @@ class Aim:
 
     Attributes:
         cells: Rows of the profile that the window heard.
+        here: The same cells' columns in the window.
         factors: The window's side of the likelihood, see `coefficients`.
         behind: Columns of the profile from each sample to the window's end.
-        counted: Weight of each reading. Shape ``(samples, chosen)``.
         constant: Score of the cells that the profile lacks, the same at every position.
     """
 
     cells: Int[np.ndarray, " chosen"]
+    here: Int[np.ndarray, " chosen"]
     factors: Float32[np.ndarray, "3 samples rows"]
     behind: Int[np.ndarray, " samples"]
-    counted: Float[np.ndarray, "samples chosen"]
     constant: float
 
 
@@ -51,14 +51,16 @@ class Query:
     Attributes:
         cells: Heard cells that the map knows, sorted; the columns of ``fine``.
         unknown: Heard cells that it does not know, sorted.
-        fine: The readings metre by metre.
         samples: How many samples of the window these are.
+        fine: The readings metre by metre.
+        factors: Their side of the likelihood.
     """
 
     cells: tuple[str, ...]
     unknown: tuple[str, ...]
-    fine: Evidence
     samples: int
+    fine: Evidence
+    factors: Float32[np.ndarray, "3 samples rows"]
     _aims: dict[int, Aim] = field(default_factory=dict)
 
     @property
@@ -66,18 +68,38 @@ class Query:
         """Travelled distance from the oldest usable sample to the last."""
         return float(self.fine.behind_m[-1])
 
-    def at_step(self, step_m: float) -> Evidence:
-        """The readings averaged over coarse steps."""
-        fine = self.fine
-        return joined(fine.behind_m, fine.rsrp_db, fine.heard, step_m)
+    def aim(self, column: dict[str, int], step_m: float, *, joined: bool = False) -> Aim:
+        """
+        Match the window's cells with a profile's rows.
 
-    def aim(self, index: MapIndex, road: int) -> Aim:
+        Args:
+            column: Row of each cell of the profile.
+            step_m: Metres between its columns.
+            joined: Add up the samples of one column, which then count as one: the same scores for
+                fewer products where a column is longer than a sample.
+        """
+        found = [(column[cell], i) for i, cell in enumerate(self.cells) if cell in column]
+        here = np.array([i for _, i in found], dtype=np.intp)
+        factors, constant = self.factors, 0.0
+        if len(found) < len(self.cells):
+            missing = [i for i, cell in enumerate(self.cells) if cell not in column]
+            constant = UNMAPPED * float(self.fine.weight @ self.fine.heard[:, missing].sum(axis=1))
+            rows = (here[:, None] * TERMS + np.arange(TERMS)).ravel()
+            tail = TERMS * len(self.cells) + np.arange(2)
+            factors = factors[:, :, np.concatenate((rows, tail))]
+        behind = np.rint(self.fine.behind_m / step_m).astype(np.intp)
+        if joined:
+            starts = np.concatenate(([0], (behind[1:] != behind[:-1]).nonzero()[0] + 1))
+            factors, behind = np.add.reduceat(factors, starts, axis=1), behind[starts]
+        cells = np.array([row for row, _ in found], dtype=np.intp)
+        return Aim(cells, here, factors, behind, constant)
+
+    def aim_at(self, index: MapIndex, road: int) -> Aim:
         """The window aimed at one road's fine profile; worked out once a road."""
         found = self._aims.get(road)
         if found is None:
             target = index.roads[road]
-            found = take_aim(self.fine, self.cells, target.column, target.step_m)
-            self._aims[road] = found
+            found = self._aims[road] = self.aim(target.column, target.step_m)
         return found
 
 
@@ -91,22 +113,20 @@ def ask(index: MapIndex, window: Window) -> Query:
     order = sorted((cell, i) for i, cell in enumerate(window.cells) if heard[i])
     known = [(cell, i) for cell, i in order if cell in index.cells]
     unknown = tuple(cell for cell, _ in order if cell not in index.cells)
-    fine = evidence(distance_m, rsrp_dbm[:, [i for _, i in known]], FINE_STEP_M)
-    return Query(tuple(cell for cell, _ in known), unknown, fine, len(distance_m))
-
-
-def take_aim(seen: Evidence, cells: tuple[str, ...], column: dict[str, int], step_m: float) -> Aim:
-    """Match a window's cells with a profile's rows of ``step_m``."""
-    found = [(column[cell], i) for i, cell in enumerate(cells) if cell in column]
-    here = np.array([i for _, i in found], dtype=np.intp)
-    constant = 0.0
-    if len(found) < len(cells):
-        missing = [i for i, cell in enumerate(cells) if cell not in column]
-        constant = UNMAPPED * float(seen.weight @ seen.heard[:, missing].sum(axis=1))
-    return Aim(
-        np.array([row for row, _ in found], dtype=np.intp),
-        coefficients(seen, here),
-        np.rint(seen.behind_m / step_m).astype(np.intp),
-        seen.heard[:, here] * seen.weight[:, None],
-        constant,
+    return prepare(
+        tuple(cell for cell, _ in known),
+        unknown,
+        distance_m,
+        rsrp_dbm[:, [i for _, i in known]],
     )
+
+
+def prepare(
+    cells: tuple[str, ...],
+    unknown: tuple[str, ...],
+    distance_m: Float[np.ndarray, " samples"],
+    rsrp_dbm: Float[np.ndarray, "samples cells"],
+) -> Query:
+    """A query from readings whose columns are exactly ``cells``."""
+    fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M)
+    return Query(cells, unknown, len(distance_m), fine, coefficients(fine))

@@ -68,11 +68,12 @@ def _bend(
     index: MapIndex, query: Query, road: int, grid: np.ndarray, sign: int
 ) -> Float[np.ndarray, " intervals"]:
     """How far the score lies above the straight line, from each grid position to the next."""
-    bend, aim = index.roads[road].along.bend, query.aim(index, road)
+    bend, aim = index.roads[road].along.bend, query.aim_at(index, road)
+    counted = query.fine.heard[:, aim.here] * query.fine.weight[:, None]
     at = grid - sign * aim.behind[:, None]
     low, high = max(int(at.min()), 0), min(int(at.max()), bend.shape[1] - 1)
     each = np.zeros((len(at), high - low + 2))  # the last column stands for "off the road"
-    each[:, :-1] = aim.counted @ bend[aim.cells, low : high + 1]
+    each[:, :-1] = counted @ bend[aim.cells, low : high + 1]
     at[(at < low) | (at > high)] = high + 1
     starts = np.arange(0, each.size, each.shape[1])[:, None] - low
     return np.asarray(each.ravel().take(at + starts).sum(axis=0))
