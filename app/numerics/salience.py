@@ -14,7 +14,6 @@ from jaxtyping import Bool, Float, Int
 
 from app.domain import FEATURE_KINDS, Salience
 from app.numerics.features import feature_matrix
-from app.numerics.geodesy import Floats
 from app.numerics.selection import select
 
 WINDOW_M = 30.0  # what a vehicle has in hand after a few seconds
@@ -72,8 +71,8 @@ def _salience(
 
 
 def _window_codes(
-    mean_dbm: Floats,
-    spread_db: Floats,
+    mean_dbm: Float[np.ndarray, "grid cells"],
+    spread_db: Float[np.ndarray, "grid cells"],
     places: Int[np.ndarray, " places"],
     step_m: float,
     reference: int,
