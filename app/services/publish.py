@@ -47,5 +47,5 @@ class MapHolder:
             try:
                 if self.refresh(engine):
                     log.info("serving map version %s", self.version)
-            except Exception:  # whatever is wrong with the store or a map, the present one serves on
+            except Exception:  # whatever is wrong with the store or the map: the old one serves on
                 log.exception("could not take over the active map; the present one is served on")
