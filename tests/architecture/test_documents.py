@@ -10,7 +10,6 @@ import pytest
 
 from app import domain
 from app.cli import COMMANDS
-from app.settings import ENV_PREFIX, Settings
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -48,16 +47,6 @@ def test_readme_teaches_every_command():
     readme = read("README.md")
     assert all(f"roadprint {name}" in readme for name in COMMANDS)
     assert all(f"make {name}" in readme for name in ("demo", "serve", "test", "bench"))
-
-
-@pytest.mark.parametrize("name", list(Settings.model_fields))
-def test_every_setting_is_documented(name):
-    """Its variable, default and meaning stand in docs/operations.md as the code has them."""
-    field = Settings.model_fields[name]
-    default = "" if field.default is None else f"`{field.default}`"
-    row = re.escape(f"| `{ENV_PREFIX}{name.upper()}` | {default}")
-    meaning = re.escape((field.description or "?").rstrip("."))
-    assert re.search(rf"^{row} ?\| {meaning}", read("docs/operations.md"), re.MULTILINE)
 
 
 def test_every_noun_is_in_the_glossary():

@@ -12,7 +12,6 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 FRAMEWORKS = ("fastapi", "starlette", "pydantic", "sqlalchemy", "alembic", "dbos", "httpx", "typer")
-BUILD_ONLY = ("scipy", "ruptures", "shapely", "pyproj", "pandas", "dbos", "alembic", "matplotlib")
 
 # Who may look at the environment; every other room is handed what it needs.
 MAY_READ_ENVIRONMENT = {
@@ -56,16 +55,6 @@ for name in {modules_of("app.numerics")}:
 """
     done = python(program)
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize("module", ["app.main", "app.commands.serve"])
-def test_a_serving_process_loads_nothing_that_only_builds_need(module):
-    """Half the start-up time and half the memory: no scipy, ruptures, DBOS or Alembic."""
-    done = python(f"import {module}, sys; print(*sys.modules)")
-    assert done.returncode == 0, done.stderr
-    loaded = {name.partition(".")[0] for name in done.stdout.split()}
-    assert "fastapi" in loaded
-    assert not loaded & set(BUILD_ONLY)
 
 
 def test_only_the_edges_read_the_environment():
