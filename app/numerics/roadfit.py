@@ -19,7 +19,7 @@ from app.numerics.lines import length_m
 from app.numerics.passes import RoadPass, all_cells, distinct, lay_on_road
 from app.numerics.salience import select_salient
 from app.numerics.segmentation import SegmentationParams, cut_road
-from app.numerics.subsegments import describe_segments
+from app.numerics.subsegments import FittedRoad, describe_segments
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +67,14 @@ def fit_road(road: Road, passes: Sequence[Trace], params: FitParams = FitParams(
     curves = work.curves(laid.passes)
     surface = work.surface(laid.passes, curves)
     reference = _reference(laid.cells, measured, surface)
-    return _assemble(road, line, laid, work, curves, surface, reference, params)
+    return _assemble(road, laid, work, curves, surface, reference, params)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Laid:
-    """Passes on the road, with the cells that are heard often enough."""
+    """Passes on the road's line, with the cells that are heard often enough."""
 
+    line: Line
     cells: tuple[str, ...]
     passes: list[RoadPass]
 
@@ -92,7 +93,7 @@ def _lay_all(line: Line, traces: Sequence[Trace], params: FitParams) -> _Laid:
     kept = [
         replace(one, rsrp_dbm=one.rsrp_dbm[:, often], heard=one.heard[:, often]) for one in passes
     ]
-    return _Laid(tuple(cell for cell, keep in zip(cells, often, strict=True) if keep), kept)
+    return _Laid(line, tuple(cell for cell, keep in zip(cells, often, strict=True) if keep), kept)
 
 
 def _spacing_m(passes: Sequence[RoadPass], params: FitParams) -> float:
@@ -144,7 +145,6 @@ def _reference(cells: tuple[str, ...], traces: Sequence[Trace], surface: Surface
 
 def _assemble(
     road: Road,
-    line: Line,
     laid: _Laid,
     work: _Fitting,
     curves: FittedCurves,
@@ -156,13 +156,14 @@ def _assemble(
     salience, parts = select_salient(
         surface.mean_dbm, surface.spread_db, surface.heard, work.step_m, edges_m, reference
     )
+    fitted = FittedRoad(laid.cells, curves, laid.passes, surface.mean_dbm, work.step_m, reference)
 
     def refit(passes: Sequence[RoadPass]) -> Surface:
         return work.surface(passes, work.curves(passes, curves.strength))
 
     return RoadModel(
         road_id=road.road_id,
-        line=line,
+        line=laid.line,
         length_m=work.end_m,
         cells=laid.cells,
         step_m=work.step_m,
@@ -171,17 +172,7 @@ def _assemble(
         heard=surface.heard,
         features=feature_matrix(surface.mean_dbm, work.grid_m, reference),
         salience=salience,
-        segments=describe_segments(
-            line,
-            edges_m,
-            laid.cells,
-            surface.mean_dbm,
-            work.step_m,
-            reference,
-            curves,
-            laid.passes,
-            parts,
-        ),
+        segments=describe_segments(laid.line, edges_m, fitted, parts),
         pass_count=len(laid.passes),
         sample_count=sum(len(one.chainage_m) for one in laid.passes),
         evidence=held_out_evidence(laid.passes, laid.cells, surface, refit, work.step_m),

@@ -1,10 +1,10 @@
 """
 Masks of salient features for a road and its sub-segments, from its fitted curves.
 
-Windows of one length that end at each place are described by their features, each cut into steps of
-its own noise: two places count as different only where a vehicle could tell them apart. The features
-of a road are salient when they tell its sub-segments apart, those of a sub-segment when they tell it
-from the rest of the road.
+Windows of one length that end at each place are described by their features, each cut into steps
+of its own noise: two places count as different only where a vehicle could tell them apart. The
+features of a road are salient when they tell its sub-segments apart, those of a sub-segment when
+they tell it from the rest of the road.
 """
 
 from __future__ import annotations

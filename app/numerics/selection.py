@@ -1,9 +1,10 @@
 """
 Salient features: the smallest set that tells as much as all of them (Eq. 6).
 
-Information gain never falls when a feature is added, so its maximum is always the full set; salient
-therefore means the *smallest* subset whose gain comes within `TOLERANCE_BITS` of the full set's. Among
-subsets of that size the one of largest gain wins, then the first in the order of the features.
+Information gain never falls when a feature is added, so its maximum is always the full set;
+salient therefore means the *smallest* subset whose gain comes within `TOLERANCE_BITS` of the full
+set's. Among subsets of that size the one of largest gain wins, then the first in the order of the
+features.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ BRANCH_NODES = 1000  # subsets that branch and bound may weigh before the greedy
 
 @dataclass(frozen=True, slots=True)
 class Selected:
-    """Chosen features (column indices, increasing), their gain, that of all, and how they were found."""
+    """Chosen features (increasing column indices), their gain, that of all, and the search."""
 
     features: tuple[int, ...]
     gain_bits: float
