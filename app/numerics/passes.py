@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from app.domain import Line, Trace
 from app.numerics.geodesy import Floats
 from app.numerics.lines import length_m, project
+from app.numerics.smoothing import smooth_chainage
 
 ROW_M = 1.0  # a standing car's readings of one metre are one reading
 REACH_M = 40.0  # a fix farther off than a wide street was not taken on this road
@@ -82,7 +83,8 @@ def lay_on_road(line: Line, trace: Trace, cells: tuple[str, ...], name: str) -> 
     column = {cell: index for index, cell in enumerate(cells)}
     rsrp = np.full((int(near.sum()), len(cells)), np.nan)
     rsrp[:, [column[cell] for cell in trace.cells]] = trace.rsrp_dbm[near]
-    joined = _join(feet.chainage_m[near], rsrp)
+    chainage_m = smooth_chainage(feet.chainage_m[near], feet.offset_m[near], trace.time_s[near])
+    joined = _join(chainage_m, rsrp)
     if len(joined.chainage_m) < 2:
         return None
     group = trace.recorded_at.date().isoformat() if trace.recorded_at else name

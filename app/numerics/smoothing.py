@@ -1,0 +1,80 @@
+"""
+Positions of a drive without their jitter.
+
+A car's speed changes slowly, a receiver's error does not. The error is read off the fixes' distance
+from the road, where driving adds nothing; the speed's changes off the fixes' progress along it, less
+what that error explains. The smoothed progress is then the maximum a posteriori of both.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import solveh_banded
+
+from app.numerics.geodesy import Floats
+
+FAINT_M = 0.5  # receivers that filter their own fixes show less; smoothing them again adds nothing
+MIN_FIXES = 8
+SMALLEST_ACCELERATION_MPS2 = 0.05  # nobody holds a speed better
+CALM = 0.6745  # median of |N(0, 1)|: a few sharp turns of the wheel must not count as jitter
+
+
+def smooth_chainage(
+    chainage_m: Float[np.ndarray, " fixes"],
+    offset_m: Float[np.ndarray, " fixes"],
+    time_s: Float[np.ndarray, " fixes"],
+) -> Float[np.ndarray, " fixes"]:
+    """
+    Chainage of each fix with the receiver's jitter taken out.
+
+    Minimises ``sum((c - z)^2) / sigma^2 + sum(a^2) / q^2`` over the progress ``z``, where ``a`` are
+    its accelerations, ``sigma`` the jitter and ``q`` the spread of accelerations.
+
+    Args:
+        chainage_m, offset_m: Of each fix on the road; offset across it.
+        time_s: Non-decreasing.
+
+    Returns:
+        ``chainage_m`` itself where there are too few fixes or too little jitter to speak of.
+    """
+    moving = np.concatenate(([True], np.diff(time_s) > 0.0))
+    if moving.sum() < MIN_FIXES:
+        return chainage_m
+    second = _second_differences(time_s[moving])
+    jitter_m = _spread(second, offset_m[moving], _noise_gain(second))
+    if jitter_m < FAINT_M:
+        return chainage_m
+    total = _spread(second, chainage_m[moving], np.ones(len(second)))
+    explained = jitter_m * float(np.median(_noise_gain(second)))
+    acceleration = np.sqrt(max(total**2 - explained**2, SMALLEST_ACCELERATION_MPS2**2))
+    smoothed = _solve(second, chainage_m[moving], (jitter_m / float(acceleration)) ** 2)
+    return np.asarray(smoothed[np.cumsum(moving) - 1])
+
+
+def _second_differences(time_s: Floats) -> Float[np.ndarray, "inner 3"]:
+    """Weights of three neighbouring fixes that make their acceleration, m/s^2 for metres."""
+    before, after = np.diff(time_s)[:-1], np.diff(time_s)[1:]
+    middle = (before + after) / 2.0
+    left, right = 1.0 / (before * middle), 1.0 / (after * middle)
+    return np.stack([left, -left - right, right], axis=1)
+
+
+def _noise_gain(second: Float[np.ndarray, "inner 3"]) -> Float[np.ndarray, " inner"]:
+    return np.asarray(np.sqrt((second**2).sum(axis=1)))
+
+
+def _spread(second: Floats, values: Floats, gain: Floats) -> float:
+    triples = np.lib.stride_tricks.sliding_window_view(values, 3)
+    return float(np.median(np.abs((second * triples).sum(axis=1)) / gain)) / CALM
+
+
+def _solve(second: Floats, values: Floats, strength: float) -> Floats:
+    """Pentadiagonal normal equations of the smoother, lower banded."""
+    size = len(values)
+    banded = np.zeros((3, size))
+    banded[0] = 1.0
+    for i in range(3):
+        for j in range(i, 3):
+            banded[j - i, i : size - 2 + i] += strength * second[:, i] * second[:, j]
+    return np.asarray(solveh_banded(banded, values, lower=True))
