@@ -38,3 +38,6 @@ def configure_logs(level: str) -> None:
     root = logging.getLogger()
     root.handlers = [handler]
     root.setLevel(level.upper())
+    logging.captureWarnings(True)
+    for chatty in ("uvicorn", "alembic"):  # they tell of their own starting and stopping
+        logging.getLogger(chatty).setLevel(logging.WARNING)

@@ -38,7 +38,7 @@ class ProblemDocument(BaseModel):
     errors: list[FaultDocument] = Field(default=[])
 
 
-def problem(  # noqa: PLR0913 - the members of RFC 9457
+def problem(
     status: int,
     code: str,
     title: str,

@@ -22,13 +22,14 @@ from uvicorn.supervisors import Multiprocess
 from app.api.logs import configure_logs
 from app.commands.settings import DataDir, chosen_settings
 from app.main import create_app
-from app.services.supervisor import start_worker_process
+from app.services.supervisor import WorkerHandle
 from app.settings import Settings
 from app.store.engine import create_store_engine, warn_of_old_sqlite
 from app.store.migrate import migrate
 
 GRACE_S = 5  # for answers under way; an event stream would otherwise hold the server up for ever
 PARENT_CHECK_S = 1.0
+WORKER = (sys.executable, "-m", "app.commands.supervised")
 
 
 def serve(
@@ -114,7 +115,7 @@ def _listen(settings: Settings) -> socket.socket:
 
 @contextmanager
 def _worker_beside(settings: Settings, *, wanted: bool) -> Iterator[None]:
-    handle = start_worker_process(settings) if wanted else None
+    handle = WorkerHandle(settings, WORKER) if wanted else None
     try:
         yield
     finally:

@@ -21,6 +21,7 @@ def main() -> None:
     logging.basicConfig(
         level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
     )
+    logging.getLogger().setLevel(settings.log_level.upper())  # handlers may have stood before
     logging.getLogger("alembic").setLevel(logging.WARNING)  # it names every plugin it loads
     threading.Thread(target=_end_with_parent, name="parent-watch", daemon=True).start()
     run_worker(settings)

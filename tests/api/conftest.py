@@ -14,6 +14,7 @@ import httpx
 import numpy as np
 import pytest
 import sqlalchemy as sa
+import structlog
 import uvicorn
 
 from app.domain import Calibration, RoadModel, Trace
@@ -24,6 +25,11 @@ from app.settings import Settings
 from app.store.engine import create_store_engine
 from app.store.migrate import migrate
 from tests.factories import line_at, model_of, trace_along
+
+# One line a record: the default for terminals draws tracebacks for seconds.
+structlog.configure(
+    processors=[structlog.processors.format_exc_info, structlog.processors.JSONRenderer()]
+)
 
 PROBLEM_MEMBERS = {"type", "title", "status", "detail", "instance", "code", "errors"}
 SMALL_LIMITS = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
@@ -21,12 +22,13 @@ ROADPRINT = [sys.executable, "-m", "app"]
 
 
 @contextmanager
-def served(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def served(
+    folder: Path, *options: str, log: Path = Path(os.devnull)
+) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A running `roadprint serve` on a free port, and its address as it prints it."""
     command = [*ROADPRINT, "serve", "--data", str(folder), "--port", "0", *options]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    )
+    with log.open("w") as errors:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True)
     assert process.stdout is not None
     try:
         first = process.stdout.readline()
@@ -65,14 +67,17 @@ def answers(url: str) -> bool:
 
 
 def test_it_serves_where_it_says_and_ends_when_asked(tmp_path: Path):
-    """The printed address answers; SIGTERM ends it with 0 and its worker with it."""
-    with served(tmp_path / "new") as (process, url):
+    """The printed address answers; SIGTERM ends it with 0 and its worker with it; logs are JSON."""
+    log = tmp_path / "log"
+    with served(tmp_path / "new", log=log) as (process, url):
         assert httpx.get(f"{url}/readyz").json()["status"] == "ready"
         until(lambda: children_of(process.pid))
         workers = children_of(process.pid)
         process.terminate()
         assert process.wait(15) == 0
         until(lambda: not any(map(is_alive, workers)))
+    for line in log.read_text().splitlines():
+        assert {"event", "level", "timestamp"} <= set(json.loads(line))
 
 
 def test_an_open_event_stream_does_not_hold_it_up(tmp_path: Path):
