@@ -10,62 +10,47 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float32, Int
 
-from app.numerics.observation import CHANNELS, TERMS, Profile
+from app.numerics.observation import CHANNELS, Profile
 from app.numerics.query import Aim
-
-
-def scoring_rows(
-    along: Profile, cells: Int[np.ndarray, " chosen"], first: int, last: int
-) -> Float32[np.ndarray, "rows stretch"]:
-    """
-    Terms of the chosen cells, the base and "outside the road", for columns ``first..last``.
-
-    Args:
-        first, last: Any integers, both included; columns beyond the profile are outside.
-    """
-    size = along.base.shape[0]
-    rows = np.zeros((TERMS * len(cells) + 2, last + 1 - first), dtype=np.float32)
-    rows[-1] = 1.0
-    low, high = max(first, 0), min(last + 1, size)
-    if low < high:
-        part = slice(low - first, high - first)
-        rows[:-2, part] = along.terms[cells, :, low:high].reshape(-1, high - low)
-        rows[-2, part] = along.base[low:high]
-        rows[-1, part] = 0.0
-    return rows
 
 
 def score_positions(
     rows: Float32[np.ndarray, "rows stretch"],
-    aim: Aim,
-    positions: Int[np.ndarray, " positions"],
-    signs: tuple[int, ...],
-) -> Float32[np.ndarray, "3 places"]:
+    factors: Float32[np.ndarray, "channels samples rows"],
+    columns: Int[np.ndarray, "samples positions"],
+) -> Float32[np.ndarray, "channels positions"]:
     """
-    Score, residual and weight of the window ending at each position, direction after direction.
+    Score, residual and weight of a window at positions: every sample at its own column, added up.
 
     Args:
-        rows: From `scoring_rows`, or a tape's, for the cells of ``aim``.
-        positions: Columns of ``rows``; every ``positions - sign * aim.behind`` must lie in them.
-        signs: +1 for travel towards growing columns, -1 against.
+        rows: A profile's, or a stretch of it.
+        factors: From `app.numerics.observation.coefficients`, for the same rows.
+        columns: Of ``rows``, where each sample lies when the window ends at each position.
     """
-    samples, width = len(aim.behind), rows.shape[1]
-    each = aim.factors.reshape(CHANNELS * samples, -1) @ rows
-    starts = np.arange(0, samples * width, width)
-    laid = [(starts - sign * aim.behind)[:, None] + positions for sign in signs]
-    places = laid[0] if len(laid) == 1 else np.concatenate(laid, axis=1)
-    return np.asarray(each.reshape(CHANNELS, -1).take(places, axis=1).sum(axis=1))
+    samples, width = columns.shape[0], rows.shape[1]
+    each = factors.reshape(CHANNELS * samples, -1) @ rows
+    starts = np.arange(0, samples * width, width)[:, None]
+    return np.asarray(each.reshape(CHANNELS, -1).take(columns + starts, axis=1).sum(axis=1))
 
 
 def align(
-    along: Profile, aim: Aim, grid: Int[np.ndarray, " positions"], sign: int
-) -> Float32[np.ndarray, "3 positions"]:
+    along: Profile, aim: Aim, first: int, last: int, sign: int
+) -> Float32[np.ndarray, "channels positions"]:
     """
-    Score, residual and weight of the window at grid positions of one road, in one direction.
+    Score, residual and weight of a window ending at each column from ``first`` to ``last``.
+
+    Samples beyond the profile's ends lie on its outermost columns, which are outside the road.
 
     Args:
-        grid: Increasing columns of the profile.
+        sign: +1 for travel towards growing columns, -1 against.
     """
-    reach, first, last = int(aim.behind[-1]), int(grid[0]), int(grid[-1])
+    columns = np.arange(first, last + 1) - sign * aim.behind[:, None]
+    reach = int(aim.behind[-1])
     low, high = (first - reach, last) if sign > 0 else (first, last + reach)
-    return score_positions(scoring_rows(along, aim.cells, low, high), aim, grid - low, (sign,))
+    if low < 0 or high >= along.columns:
+        low, high = max(low, 0), min(high, along.columns - 1)
+        columns = np.minimum(np.maximum(columns, low), high)
+    rows = along.rows[:, low : high + 1]
+    if aim.rows is not None:
+        rows = rows[aim.rows]
+    return score_positions(rows, aim.factors, columns - low)

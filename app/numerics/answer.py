@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from app.domain import Candidate, Direction, Fix
-from app.numerics.index import MapIndex
+from app.numerics.index import MapIndex, Spot
 from app.numerics.observation import offset_db
 from app.numerics.offmap import off_map_probability
-from app.numerics.posterior import Places, masses, radius_m
+from app.numerics.posterior import RESIDUAL, WEIGHT, Places, masses, radius_m
 from app.numerics.query import Query
 
 PEAK_M = 15.0  # the position is the mean of the posterior this far about its peak
@@ -23,28 +25,23 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
     The road is the most probable one; the position is the mean of the posterior about its highest
     peak on that road, in one direction; the sub-segment is the one that holds it.
     """
-    atlas, mass = index.atlas, masses(places, index.calibration.temperature)
+    mass = masses(places, index.calibration.temperature)
     off_map = off_map_probability(index.calibration, float(places.score.max()), query.fine)
-    on_road = np.bincount(places.road, mass, len(index.roads))
-    number = int(on_road.argmax())
-    road = index.roads[number]
+    number, road_mass = _best_road(index, places, mass)
     density = mass / places.width_m
-    density[places.road != number] = -1.0
-    peak = int(density.argmax())
+    peak = int((density * (places.road == number)).argmax())
     chainage_m = _peak_chainage_m(places, mass, peak)
-    spots = atlas.spot(places.road, places.chainage_m)
-    here = atlas.spot(np.array(number), np.array(chainage_m))
-    segment = _segment(index, number, chainage_m)
-    candidates = _candidates(index, places, mass, np.asarray(spots.low), 1.0 - off_map)
-    away_m = np.hypot(
-        spots.of(atlas.x_m) - here.of(atlas.x_m), spots.of(atlas.y_m) - here.of(atlas.y_m)
-    )
-    sign = int(places.sign[peak])
+    road, sign = index.roads[number], int(places.sign[peak])
+    spots = index.atlas.spot(places.road, places.chainage_m)
+    here = _here(index, number, chainage_m)
+    segment = int(road.edges_m[1:-1].searchsorted(chainage_m, side="right"))
+    candidates = _candidates(index, places, mass, density, spots, 1.0 - off_map)
+    away_m = np.hypot(spots.of(index.atlas.x_m) - here.x_m, spots.of(index.atlas.y_m) - here.y_m)
     return Fix(
         map_version=index.version,
         off_map=off_map > 0.5,
         road_id=road.road_id,
-        road_posterior=float(on_road[number]) * (1.0 - off_map),
+        road_posterior=road_mass * (1.0 - off_map),
         segment_index=segment,
         segment_posterior=sum(
             one.posterior
@@ -53,18 +50,20 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
         ),
         segment_start_m=float(road.edges_m[segment]),
         segment_end_m=float(road.edges_m[segment + 1]),
-        lon=float(here.of(atlas.lon)),
-        lat=float(here.of(atlas.lat)),
+        lon=here.lon,
+        lat=here.lat,
         chainage_m=chainage_m,
         direction=_direction(sign),
-        heading_deg=(float(atlas.heading_deg[here.low]) + (0.0 if sign > 0 else 180.0)) % 360.0,
+        heading_deg=(here.heading_deg + (0.0 if sign > 0 else 180.0)) % 360.0,
         accuracy_m=radius_m(
             away_m, mass, places.width_m, confidence, index.calibration.position_sd_m
         ),
         confidence=confidence,
         off_map_posterior=off_map,
         device_offset_db=offset_db(
-            float(places.residual[peak]), float(places.weight[peak]), index.calibration.offset_sd_db
+            float(places.values[RESIDUAL, peak]),
+            float(places.values[WEIGHT, peak]),
+            index.offset_prior,
         ),
         samples_used=query.samples,
         cells_used=len(query.cells),
@@ -73,48 +72,76 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Here:
+    """The reported position, in the map's local metres and in degrees."""
+
+    x_m: float
+    y_m: float
+    lon: float
+    lat: float
+    heading_deg: float
+
+
+def _here(index: MapIndex, number: int, chainage_m: float) -> _Here:
+    atlas, road = index.atlas, index.roads[number]
+    at = chainage_m / road.step_m
+    low = min(int(at), road.grid_size - 2)
+    share, low = at - low, low + int(atlas.start[number])
+    x_m, y_m, lon, lat = (
+        float(values[low] + share * (values[low + 1] - values[low]))
+        for values in (atlas.x_m, atlas.y_m, atlas.lon, atlas.lat)
+    )
+    return _Here(x_m, y_m, lon, lat, float(atlas.heading_deg[low]))
+
+
+def _best_road(
+    index: MapIndex, places: Places, mass: Float[np.ndarray, " places"]
+) -> tuple[int, float]:
+    """The most probable road and its posterior; the first of equals."""
+    on_road = np.bincount(places.road, mass, len(index.roads))
+    number = int(on_road.argmax())
+    return number, float(on_road[number])
+
+
 def _peak_chainage_m(places: Places, mass: Float[np.ndarray, " places"], peak: int) -> float:
-    near = (places.road == places.road[peak]) & (places.sign == places.sign[peak])
-    near &= np.abs(places.chainage_m - places.chainage_m[peak]) <= PEAK_M
+    near = np.abs(places.chainage_m - places.chainage_m[peak]) <= PEAK_M
+    near &= (places.where == places.where[:, peak : peak + 1]).all(axis=0)
     weight = mass * near
     return float(weight @ places.chainage_m / weight.sum())
-
-
-def _segment(index: MapIndex, road: int, chainage_m: float) -> int:
-    inner_m = index.roads[road].edges_m[1:-1]
-    return int(inner_m.searchsorted(chainage_m, side="right"))
 
 
 def _candidates(
     index: MapIndex,
     places: Places,
     mass: Float[np.ndarray, " places"],
-    low: Int[np.ndarray, " places"],
+    density: Float[np.ndarray, " places"],
+    spots: Spot,
     on_map: float,
 ) -> tuple[Candidate, ...]:
     """One candidate a sub-segment and direction, most probable first; ties by road and place."""
-    segment = index.atlas.segment[low]
-    key = ((places.road << 32) + (segment << 1)) + (places.sign < 0)
-    order = np.lexsort((mass / places.width_m, key))
-    change = key[order]
-    starts = np.concatenate(([0], np.flatnonzero(change[1:] != change[:-1]) + 1))
-    total = np.add.reduceat(mass[order], starts)
-    best = order[np.append(starts[1:], len(order)) - 1]
-    ranked = np.argsort(-total, kind="stable")
+    atlas = index.atlas
+    segment = atlas.segment[spots.low]
+    key = (places.road << 33) + (segment << 1) + (places.sign < 0)
+    order = np.lexsort((density, key))
+    ordered = key[order]
+    ends = np.append((ordered[1:] != ordered[:-1]).nonzero()[0], len(order) - 1)
+    covered = mass[order].cumsum()[ends]
+    total = np.diff(covered, prepend=0.0)
+    ranked = (-total).argsort(kind="stable")
     listed = ranked[total[ranked] > NEGLIGIBLE]
+    chosen = order[ends[listed]]
     share = total[listed] * (on_map / total[listed].sum())
-    chosen = best[listed]
-    spots = index.atlas.spot(places.road[chosen], places.chainage_m[chosen])
+    best = Spot(np.asarray(spots.low)[chosen], np.asarray(spots.share)[chosen])
     return tuple(
         Candidate(index.road_ids[road], part, _direction(sign), posterior, chainage_m, lon, lat)
-        for road, part, sign, posterior, chainage_m, lon, lat in zip(
-            places.road[chosen].tolist(),
+        for (road, sign), part, posterior, chainage_m, lon, lat in zip(
+            places.where[:, chosen].T.tolist(),
             segment[chosen].tolist(),
-            places.sign[chosen].tolist(),
             share.tolist(),
             places.chainage_m[chosen].tolist(),
-            spots.of(index.atlas.lon).tolist(),
-            spots.of(index.atlas.lat).tolist(),
+            best.of(atlas.lon).tolist(),
+            best.of(atlas.lat).tolist(),
             strict=True,
         )
     )

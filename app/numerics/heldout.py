@@ -17,7 +17,8 @@ from app.domain import Calibration
 from app.numerics.alignment import align
 from app.numerics.evidence_table import COLUMNS, POSITION_SDS_M, TEMPERATURES
 from app.numerics.geodesy import Floats
-from app.numerics.observation import Profile, marginal_score, profile
+from app.numerics.index import road_profile
+from app.numerics.observation import OffsetPrior, Profile, offset_gain
 from app.numerics.offmap import fit_per_reading
 from app.numerics.passes import RoadPass
 from app.numerics.query import prepare
@@ -39,7 +40,7 @@ class Surface:
 
     def profile(self) -> Profile:
         """Ready for scoring."""
-        return profile(self.mean_dbm, self.spread_db, self.heard)
+        return road_profile(self.mean_dbm, self.spread_db, self.heard)
 
 
 def held_out_evidence(
@@ -118,9 +119,10 @@ def _one_window(
     names = tuple(cells[column] for column in heard)
     query = prepare(names, (), one.travelled_m[first : last + 1], rsrp[:, heard])
     aim = query.aim({cell: index for index, cell in enumerate(cells)}, step_m)
-    grid = np.arange(len(along.base))
-    channels = [align(along, aim, grid, sign) for sign in (one.sign, -one.sign)]
-    score = np.concatenate([marginal_score(each, Calibration().offset_sd_db) for each in channels])
+    size = along.columns - 2
+    grid, prior = np.arange(size), OffsetPrior.learnt(Calibration().offset_sd_db)
+    channels = [align(along, aim, 1, size, sign) for sign in (one.sign, -one.sign)]
+    score = np.concatenate([c[0] + offset_gain(c[1], c[2], prior) for c in channels])
     near = np.concatenate([np.abs(grid * step_m - one.chainage_m[last]) <= NEAR_TRUTH_M, grid < 0])
     truth = int(np.argmax(np.where(near, score, -np.inf)))
     weight = float(channels[0][2, truth])

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Int
 from numpy.typing import NDArray
 
 from app.domain import Calibration, Line, RadioMap, RoadModel
 from app.numerics.geodesy import Floats, LocalFrame
 from app.numerics.lines import headings_deg, point_at
-from app.numerics.observation import Profile, profile
+from app.numerics.observation import OffsetPrior, Profile, profile
 
 COARSE_STEPS_M = (4.0, 8.0, 16.0)  # each serves windows up to GAP times as long
 GAP = 26  # empty columns between roads on a tape: a window may reach that far off a road's end
@@ -29,7 +29,7 @@ TAPE_COLUMNS = 1600  # beyond, a tape's matrix product costs more than starting 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoadIndex:
-    """One road, ready for alignment."""
+    """One road, ready for alignment; column ``i + 1`` of its profile is grid position ``i``."""
 
     road_id: str
     number: int
@@ -41,8 +41,8 @@ class RoadIndex:
 
     @property
     def grid_size(self) -> int:
-        """Number of grid positions."""
-        return len(self.along.base)
+        """Number of grid positions: all columns of the profile but one outside at either end."""
+        return self.along.columns - 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,6 @@ class CoarseProfile:
 
     Attributes:
         along: Profile of the tape's cells over all its columns, gaps included.
-        outside: 1 in the gaps, else 0. Shape ``(columns,)``.
         positions: The columns that are road. Shape ``(positions,)``.
         road, sign, chainage_m: What each score is of: all positions in one direction of travel,
             then all in the other. Shape ``(2 positions,)``.
@@ -101,7 +100,6 @@ class CoarseProfile:
 
     step_m: float
     along: Profile
-    outside: Float32[np.ndarray, " columns"]
     positions: Int[np.ndarray, " positions"]
     road: Int[np.ndarray, " places"]
     sign: Int[np.ndarray, " places"]
@@ -130,6 +128,7 @@ class MapIndex:
     def __init__(self, radio_map: RadioMap, roads: Sequence[RoadIndex], frame: LocalFrame) -> None:
         self.version = radio_map.version
         self.calibration: Calibration = radio_map.calibration
+        self.offset_prior = OffsetPrior.learnt(radio_map.calibration.offset_sd_db)
         self.roads = tuple(roads)
         self.road_ids = tuple(road.road_id for road in roads)
         self.cells = frozenset().union(*(road.column for road in roads)) if roads else frozenset()
@@ -158,9 +157,24 @@ def _road(number: int, model: RoadModel) -> RoadIndex:
         length_m=model.length_m,
         step_m=model.step_m,
         column={cell: index for index, cell in enumerate(model.cells)},
-        along=profile(model.mean_dbm, model.spread_db, model.heard),
+        along=road_profile(model.mean_dbm, model.spread_db, model.heard),
         edges_m=np.array([s.start_m for s in model.segments] + [model.length_m]),
     )
+
+
+def road_profile(
+    mean_dbm: Float[np.ndarray, "grid cells"],
+    spread_db: Float[np.ndarray, "grid cells"],
+    heard: Float[np.ndarray, "grid cells"],
+) -> Profile:
+    """Profile of a road's grid with one column outside the road at either end."""
+    ends = ((1, 1), (0, 0))
+    mean, spread, hearing = (
+        np.pad(values, ends, constant_values=np.nan) for values in (mean_dbm, spread_db, heard)
+    )
+    outside = np.zeros(len(mean), dtype=bool)
+    outside[[0, -1]] = True
+    return profile(mean, spread, hearing, outside)
 
 
 def _draw_atlas(models: Sequence[RoadModel], frame: LocalFrame) -> Atlas:
@@ -243,12 +257,11 @@ def _lay_level(
     positions = np.concatenate(
         [start + np.arange(n) for start, n in zip(starts, sizes, strict=True)]
     )
-    outside = np.ones(len(mean), dtype=np.float32)
-    outside[positions] = 0.0
+    outside = np.ones(len(mean), dtype=bool)
+    outside[positions] = False
     return CoarseProfile(
         step_m=step_m,
-        along=profile(mean, spread, heard),
-        outside=outside,
+        along=profile(mean, spread, heard, outside),
         positions=positions.astype(np.intp),
         road=np.tile(np.repeat(np.array(numbers), sizes), 2),
         sign=np.repeat(np.array(BOTH), len(positions)),

@@ -10,7 +10,6 @@ are then aligned reading by reading with the fitted curves, and only those score
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -18,9 +17,18 @@ from jaxtyping import Float, Int
 from app.domain import Fix, Window
 from app.numerics.alignment import align, score_positions
 from app.numerics.answer import answer
-from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex, Tape
-from app.numerics.observation import TERMS, marginal_score
-from app.numerics.posterior import Places, kept_by_mass
+from app.numerics.index import BOTH, COARSE_STEPS_M, GAP, MapIndex, Tape
+from app.numerics.observation import offset_gain
+from app.numerics.posterior import (
+    CHAINAGE,
+    RESIDUAL,
+    SCORE,
+    VALUES,
+    WEIGHT,
+    WIDTH,
+    Places,
+    kept_by_mass,
+)
 from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
 
@@ -28,7 +36,6 @@ LEFT_OUT = 1e-4  # share of the coarse posterior that the fine scale may never s
 COARSE_FLATTENING = 2.0  # coarse scores err; flattening them keeps what they would lose
 JOINED_STEPS = 2.5  # stretches closer than this are aligned in one product
 MOST_KEPT = 1000  # coarse positions a query may align: bounds the time of a hopeless window
-BOTH = (1, -1)
 
 
 def locate(index: MapIndex, window: Window, *, confidence: float = 0.68) -> Fix:
@@ -66,7 +73,7 @@ class Coarse:
 
 def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coarse:
     """
-    The coarse positions that hold all but `LEFT_OUT` of the posterior.
+    The coarse positions that hold all but `LEFT_OUT` of the posterior, along each road in order.
 
     Args:
         without: Number of a road to leave out, as if the map lacked it.
@@ -76,7 +83,7 @@ def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coar
     scored = [_score_tape(index, query, tape, size) for tape in tapes or index.tapes]
     every = scored[0] if len(scored) == 1 else _joined(scored)
     if without is not None:
-        every = every.take(np.flatnonzero(every.road != without))
+        every = every.take((every.road != without).nonzero()[0])
     flat = index.calibration.temperature * COARSE_FLATTENING
     return every.take(kept_by_mass(every.score, flat, LEFT_OUT, MOST_KEPT))
 
@@ -84,11 +91,11 @@ def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coar
 def _score_tape(index: MapIndex, query: Query, tape: Tape, size: int) -> Coarse:
     level = tape.levels[size]
     aim = query.aim(tape.column, level.step_m, joined=True)
-    rows = np.empty((TERMS * len(aim.cells) + 2, len(level.outside)), dtype=np.float32)
-    rows[:-2] = level.along.terms[aim.cells].reshape(-1, len(level.outside))
-    rows[-2], rows[-1] = level.along.base, level.outside
-    channels = score_positions(rows, aim, level.positions, BOTH)
-    score = marginal_score(channels, index.calibration.offset_sd_db)
+    rows = level.along.rows if aim.rows is None else level.along.rows[aim.rows]
+    behind = aim.behind[:, None]
+    ways = np.concatenate((level.positions - behind, level.positions + behind), axis=1)
+    score, residual, weight = score_positions(rows, aim.factors, ways)
+    score += offset_gain(residual, weight, index.offset_prior)
     return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
 
 
@@ -104,20 +111,23 @@ def _joined(parts: list[Coarse]) -> Coarse:
 
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
     """Align the window at every metre of the stretches kept, each stretch with its neighbours."""
-    order = np.lexsort((kept.chainage_m, kept.sign, kept.road))
-    road, sign, chainage_m = kept.road[order], kept.sign[order], kept.chainage_m[order]
-    apart = (road[1:] != road[:-1]) | (sign[1:] != sign[:-1])
-    apart |= chainage_m[1:] - chainage_m[:-1] > JOINED_STEPS * kept.step_m
-    edges = [0, *(np.flatnonzero(apart) + 1).tolist(), len(order)]
-    parts = []
-    for start, end in pairwise(edges):
-        number, step_m = int(road[start]), index.roads[int(road[start])].step_m
-        first = int((chainage_m[start] - kept.step_m) / step_m)
-        last = int((chainage_m[end - 1] + kept.step_m) / step_m) + 1
-        top = index.roads[number].grid_size - 1
-        parts.append(
-            _stretch(index, query, number, int(sign[start]), max(first, 0), min(last, top))
-        )
+    road, sign, chainage_m = kept.road.tolist(), kept.sign.tolist(), kept.chainage_m.tolist()
+    reach_m, apart_m = kept.step_m, JOINED_STEPS * kept.step_m
+    parts, start = [], 0
+    for end in range(1, len(road) + 1):
+        if (
+            end < len(road)
+            and road[end] == road[start]
+            and sign[end] == sign[start]
+            and chainage_m[end] - chainage_m[end - 1] <= apart_m
+        ):
+            continue
+        target = index.roads[road[start]]
+        first = max(int((chainage_m[start] - reach_m) / target.step_m), 0)
+        last = int((chainage_m[end - 1] + reach_m) / target.step_m) + 1
+        last = min(last, target.grid_size - 1)
+        parts.append(_stretch(index, query, road[start], sign[start], first, last))
+        start = end
     return parts[0] if len(parts) == 1 else Places.join(parts)
 
 
@@ -136,15 +146,13 @@ def _stretch(
     index: MapIndex, query: Query, number: int, sign: int, first: int, last: int
 ) -> Places:
     road, aim = index.roads[number], query.aim_at(index, number)
-    grid = np.arange(first, last + 1)
-    channels = align(road.along, aim, grid, sign)
-    score = marginal_score(channels, index.calibration.offset_sd_db)
-    return Places(
-        np.full(len(grid), number),
-        np.full(len(grid), sign),
-        np.minimum(grid * road.step_m, road.length_m),
-        np.full(len(grid), road.step_m),
-        score + aim.constant,
-        channels[1],
-        channels[2],
-    )
+    score, residual, weight = align(road.along, aim, first + 1, last + 1, sign)
+    values = np.empty((VALUES, last + 1 - first))
+    values[CHAINAGE] = np.arange(first, last + 1) * road.step_m
+    values[WIDTH] = road.step_m
+    values[SCORE] = score + offset_gain(residual, weight, index.offset_prior)
+    values[SCORE] += aim.constant
+    values[RESIDUAL], values[WEIGHT] = residual, weight
+    if last == road.grid_size - 1:
+        values[CHAINAGE, -1] = road.length_m
+    return Places(np.full((2, last + 1 - first), ((number,), (sign,))), values)

@@ -16,10 +16,11 @@ counted from `CENTRE_DBM` so that float32 keeps every digit that matters.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32
 
 CENTRE_DBM = -95.0
 BACKGROUND_SPAN_DB = 50.0  # phones report some 50 dB of useful RSRP; any level in it is as likely
@@ -40,16 +41,20 @@ class Profile:
     Expected readings along a stretch, ready for scoring.
 
     Attributes:
-        terms: A, B, C and L of every cell at every position. Shape ``(cells, 4, positions)``.
-        base: Score of hearing nothing. Shape ``(positions,)``.
-        bend: ``A (mu_next - mu)^2 / 2`` of every cell from each position to the next: by how much
-            a place between the two fits better than its neighbours' mean, times ``f (1 - f)``.
-            Shape ``(cells, positions)``.
+        rows: A, B, C and L of every cell, cell after cell, then the base, then "outside": 1 where
+            there is no road. Shape ``(4 cells + 2, columns)``.
+        bend: ``A (mu_next - mu)^2 / 2`` of every cell from each column to the next: by how much a
+            place between the two fits better than its neighbours' mean, times ``f (1 - f)``.
+            Shape ``(cells, columns)``.
     """
 
-    terms: Float32[np.ndarray, "cells 4 positions"]
-    base: Float32[np.ndarray, " positions"]
-    bend: Float32[np.ndarray, "cells positions"]
+    rows: Float32[np.ndarray, "rows columns"]
+    bend: Float32[np.ndarray, "cells columns"]
+
+    @property
+    def columns(self) -> int:
+        """Number of columns, those outside the road included."""
+        return int(self.rows.shape[1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,9 +76,10 @@ class Evidence:
 
 
 def profile(
-    mean_dbm: Float[np.ndarray, "positions cells"],
-    spread_db: Float[np.ndarray, "positions cells"],
-    heard: Float[np.ndarray, "positions cells"],
+    mean_dbm: Float[np.ndarray, "columns cells"],
+    spread_db: Float[np.ndarray, "columns cells"],
+    heard: Float[np.ndarray, "columns cells"],
+    outside: Bool[np.ndarray, " columns"],
 ) -> Profile:
     """
     The map's side of the likelihood.
@@ -81,6 +87,7 @@ def profile(
     Args:
         mean_dbm, spread_db: Expected level and its spread; NaN where the cell is not mapped.
         heard: Probability of hearing the cell.
+        outside: Columns that are no road; everything else about them must be NaN.
     """
     mapped = ~np.isnan(mean_dbm)
     variance = np.where(mapped, spread_db, 1.0) ** 2
@@ -89,23 +96,24 @@ def profile(
     normaliser = np.log(variance * (2.0 * np.pi)) - 2.0 * np.log(BACKGROUND_SPAN_DB)
     sure = np.clip(np.where(mapped, heard, 0.0), HEARD_FLOOR, 1.0 - HEARD_FLOOR)
     silent = np.log1p(-sure)
-    terms = np.stack(
-        [
-            precision,
-            precision * level_db,
-            precision * level_db**2 + np.where(mapped, normaliser, 0.0),
-            np.log(sure) - silent,
-        ]
-    )
-    base = np.where(mapped, silent, 0.0).sum(axis=1)
-    bend = np.zeros(level_db.shape)
+    road = ~outside[:, None]
+    terms = [
+        precision,
+        precision * level_db,
+        precision * level_db**2 + np.where(mapped, normaliser, 0.0),
+        np.where(road, np.log(sure) - silent, 0.0),
+    ]
+    columns, cells = mean_dbm.shape
+    rows = np.empty((TERMS * cells + 2, columns), dtype=np.float32)
+    for term, values in enumerate(terms):
+        rows[term:-2:TERMS] = values.T
+    rows[-2] = np.where(mapped, silent, 0.0).sum(axis=1)
+    rows[-1] = outside
+    bend = np.zeros((cells, columns), dtype=np.float32)
     between = mapped[:-1] & mapped[1:]
-    bend[:-1] = np.where(between, 0.5 * precision[:-1] * np.diff(level_db, axis=0) ** 2, 0.0)
-    return Profile(
-        np.ascontiguousarray(terms.transpose(2, 0, 1), dtype=np.float32),
-        base.astype(np.float32),
-        np.ascontiguousarray(bend.T, dtype=np.float32),
-    )
+    steps_db = np.diff(level_db, axis=0)
+    bend[:, :-1] = np.where(between, 0.5 * precision[:-1] * steps_db**2, 0.0).T
+    return Profile(rows, bend)
 
 
 def evidence(
@@ -172,49 +180,52 @@ def coefficients(seen: Evidence) -> Float32[np.ndarray, "channels samples rows"]
     return out
 
 
-def marginal_score(
-    channels: Float[np.ndarray, "3 positions"], offset_sd_db: float
-) -> Float[np.ndarray, " positions"]:
+@dataclass(frozen=True, slots=True)
+class OffsetPrior:
     """
-    Log likelihood with the device offset integrated out.
+    What a device's offset may be: like the surveys' devices, ``N(0, sd^2)``, or any device,
+    ``N(0, BROAD_OFFSET_SD_DB^2)``; each part as its variance and the log of its share.
+    """
 
-    The prior is a mixture: like the survey's devices, ``N(0, offset_sd_db^2)``, or any device,
-    ``N(0, BROAD_OFFSET_SD_DB^2)``. With the score ``S``, residual ``R`` and weight ``W`` of
-    `coefficients`, each part gives ``S + R^2 v / (2 (1 + W v)) - log(1 + W v) / 2``.
-    """
-    return np.asarray(channels[0] + offset_gain(channels[1], channels[2], offset_sd_db))
+    like_db2: float
+    like_log: float
+    any_db2: float
+    any_log: float
+
+    @classmethod
+    def learnt(cls, offset_sd_db: float) -> OffsetPrior:
+        """The prior of a map whose survey devices differ by ``offset_sd_db``."""
+        return cls(
+            max(offset_sd_db, 1e-2) ** 2,
+            float(np.log(1.0 - BROAD_OFFSET_SHARE)),
+            max(BROAD_OFFSET_SD_DB, offset_sd_db) ** 2,
+            float(np.log(BROAD_OFFSET_SHARE)),
+        )
 
 
 def offset_gain(
-    residual: Float[np.ndarray, " positions"],
-    weight: Float[np.ndarray, " positions"],
-    offset_sd_db: float,
-) -> Float[np.ndarray, " positions"]:
-    """What integrating the device offset out adds to the score; see `marginal_score`."""
-    (like_sd_db, like), (any_sd_db, unlike) = _offset_prior(offset_sd_db)
-    like_variance, any_variance = like_sd_db**2, any_sd_db**2
-    like_inflation, any_inflation = 1.0 + weight * like_variance, 1.0 + weight * any_variance
+    residual: Float[np.ndarray, " places"], weight: Float[np.ndarray, " places"], prior: OffsetPrior
+) -> Float[np.ndarray, " places"]:
+    """
+    What integrating the device offset out adds to the score.
+
+    With residual ``R`` and weight ``W`` of `coefficients`, a part of variance ``v`` adds
+    ``R^2 v / (2 (1 + W v)) - log(1 + W v) / 2``; the parts are then mixed by their shares.
+    """
     squared = 0.5 * residual * residual
-    first = squared * (like_variance / like_inflation) - 0.5 * np.log(like_inflation)
-    second = squared * (any_variance / any_inflation) - 0.5 * np.log(any_inflation)
-    return np.asarray(np.logaddexp(first + np.log(like), second + np.log(unlike)))
+    like, broad = weight * prior.like_db2 + 1.0, weight * prior.any_db2 + 1.0
+    first = squared * (prior.like_db2 / like) - 0.5 * np.log(like) + prior.like_log
+    second = squared * (prior.any_db2 / broad) - 0.5 * np.log(broad) + prior.any_log
+    return np.asarray(np.logaddexp(first, second))
 
 
-def offset_db(residual: float, weight: float, offset_sd_db: float) -> float:
+def offset_db(residual: float, weight: float, prior: OffsetPrior) -> float:
     """Mean of the device offset given the residual and weight at one place, in dB."""
-    values, logs = [], []
-    for sd_db, share in _offset_prior(offset_sd_db):
-        inflation = 1.0 + weight * sd_db**2
-        values.append(residual * sd_db**2 / inflation)
-        logs.append(
-            np.log(share) + 0.5 * residual**2 * sd_db**2 / inflation - 0.5 * np.log(inflation)
-        )
-    odds = np.exp(np.array(logs) - max(logs))
-    return float(np.dot(values, odds) / odds.sum())
-
-
-def _offset_prior(offset_sd_db: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    return (
-        (max(offset_sd_db, 1e-3), 1.0 - BROAD_OFFSET_SHARE),
-        (max(BROAD_OFFSET_SD_DB, offset_sd_db), BROAD_OFFSET_SHARE),
-    )
+    parts = []
+    for variance, log_share in ((prior.like_db2, prior.like_log), (prior.any_db2, prior.any_log)):
+        inflation = 1.0 + weight * variance
+        log = log_share + 0.5 * residual**2 * variance / inflation - 0.5 * math.log(inflation)
+        parts.append((log, residual * variance / inflation))
+    (first_log, first_db), (second_log, second_db) = parts
+    odds = math.exp(max(min(second_log - first_log, 50.0), -50.0))
+    return (first_db + odds * second_db) / (1.0 + odds)

@@ -2,50 +2,76 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
 RADIUS_STEPS = 17
+NEGLIGIBLE = 1e-4  # lighter places move a radius less than it is worth
 RADIUS_SDS = 4.0  # the radius lies this near the one that would hold if places were points
+
+
+CHAINAGE, WIDTH, SCORE, RESIDUAL, WEIGHT = range(5)  # rows of `Places.values`
+VALUES = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
     """
-    Where a window may end, and how well it fits there.
+    Where a window may end, and how well it fits there; one column a place.
 
     Attributes:
-        road: Road number. All arrays have shape ``(places,)``.
-        sign: +1 for travel towards growing chainage, -1 against.
-        chainage_m: Chainage of the window's last sample.
-        width_m: Length of road that the place stands for: its prior weight, as any metre of the
-            map is as likely as any other.
-        score: Log likelihood against the background.
-        residual, weight: For the device offset, as in `app.numerics.alignment.Aligned`.
+        where: Road number, and +1 for travel towards growing chainage or -1 against.
+        values: Rows in the order of the names above: chainage of the window's last sample in
+            metres; length of road that the place stands for, its prior weight, as any metre of the
+            map is as likely as any other; log likelihood against the background; residual and
+            weight for the device offset, see `app.numerics.observation.offset_db`.
     """
 
-    road: Int[np.ndarray, " places"]
-    sign: Int[np.ndarray, " places"]
-    chainage_m: Float[np.ndarray, " places"]
-    width_m: Float[np.ndarray, " places"]
-    score: Float[np.ndarray, " places"]
-    residual: Float[np.ndarray, " places"]
-    weight: Float[np.ndarray, " places"]
+    where: Int[np.ndarray, "2 places"]
+    values: Float[np.ndarray, "5 places"]
 
     def __len__(self) -> int:
-        return len(self.score)
+        return self.where.shape[1]
 
-    def take(self, rows: np.ndarray) -> Places:
-        """The places at these indices, or where this mask is True."""
-        return Places(*(getattr(self, name)[rows] for name in self.__slots__))
+    @property
+    def road(self) -> Int[np.ndarray, " places"]:
+        """Road number."""
+        return self.where[0]
+
+    @property
+    def sign(self) -> Int[np.ndarray, " places"]:
+        """Direction of travel."""
+        return self.where[1]
+
+    @property
+    def chainage_m(self) -> Float[np.ndarray, " places"]:
+        """Chainage of the window's last sample."""
+        return self.values[CHAINAGE]
+
+    @property
+    def width_m(self) -> Float[np.ndarray, " places"]:
+        """Length of road that the place stands for."""
+        return self.values[WIDTH]
+
+    @property
+    def score(self) -> Float[np.ndarray, " places"]:
+        """Log likelihood against the background."""
+        return self.values[SCORE]
 
     @classmethod
-    def join(cls, parts: list[Places]) -> Places:
+    def join(cls, parts: Sequence[Places]) -> Places:
         """All places of several lists, in order."""
-        columns = ([getattr(part, name) for part in parts] for name in cls.__slots__)
-        return cls(*(np.concatenate(column) for column in columns))
+        return cls(
+            np.concatenate([part.where for part in parts], axis=1),
+            np.concatenate([part.values for part in parts], axis=1),
+        )
+
+    def slice(self, first: int, end: int) -> Places:
+        """Places ``first`` to ``end - 1``."""
+        return Places(self.where[:, first:end], self.values[:, first:end])
 
 
 def masses(places: Places, temperature: float) -> Float[np.ndarray, " places"]:
@@ -63,10 +89,13 @@ def kept_by_mass(
     score: Float[np.ndarray, " places"], temperature: float, left_out: float, most: int
 ) -> Int[np.ndarray, " kept"]:
     """
-    The fewest places that leave out at most a share ``left_out`` of the posterior, best first.
+    The fewest places that leave out at most a share ``left_out`` of the posterior.
 
     Args:
-        most: No more than this many, whatever they leave out.
+        most: No more than this many, whatever they leave out; then the most probable ones.
+
+    Returns:
+        Indices, increasing.
     """
     weight = np.exp((score - score.max()) * (1.0 / temperature))
     total = float(weight.sum())
@@ -74,7 +103,9 @@ def kept_by_mass(
     likely = (weight >= 0.5 * left_out * total / len(score)).nonzero()[0]
     order = likely[(-weight[likely]).argsort(kind="stable")]
     enough = int(weight[order].cumsum().searchsorted((1.0 - left_out) * total)) + 1
-    return np.asarray(order[: min(enough, most)])
+    kept = order[: min(enough, most)]
+    kept.sort()
+    return np.asarray(kept)
 
 
 def radius_m(
@@ -95,16 +126,18 @@ def radius_m(
         away_m: Distance of each place from the reported position.
         position_sd_m: Error of surveyed positions along the road.
     """
-    matter = mass > 1e-5
-    away_m, mass = away_m[matter], mass[matter] / mass[matter].sum()
-    sd_m = np.sqrt(width_m[matter] ** 2 / 12.0 + position_sd_m**2)
+    matter = (mass > NEGLIGIBLE).nonzero()[0]
+    away_m, mass = away_m[matter], mass[matter]
+    sd_m = np.sqrt(width_m[matter] ** 2 * (1.0 / 12.0) + position_sd_m**2)
     order = away_m.argsort(kind="stable")
     covered = mass[order].cumsum()
-    middle = float(away_m[order][min(int(covered.searchsorted(confidence)), len(order) - 1)])
+    confidence *= float(covered[-1])
+    middle = float(away_m[order[min(int(covered.searchsorted(confidence)), len(order) - 1)]])
     reach = RADIUS_SDS * float(sd_m.max())
     radii = np.linspace(max(middle - reach, 0.0), middle + reach, RADIUS_STEPS)
-    inner = _normal_share((radii[:, None] - away_m) / sd_m)
-    held = (inner - _normal_share((-radii[:, None] - away_m) / sd_m)) @ mass
+    z = radii[:, None] / sd_m
+    centre = away_m / sd_m
+    held = (_normal_share(z - centre) - _normal_share(-z - centre)) @ mass
     return float(np.interp(confidence, held, radii))
 
 

@@ -29,15 +29,15 @@ class Aim:
     A window aimed at one profile.
 
     Attributes:
-        cells: Rows of the profile that the window heard.
-        here: The same cells' columns in the window.
-        factors: The window's side of the likelihood, see `coefficients`.
+        rows: Rows of the profile that the window's cells need; None = all, in order.
+        here: Columns of the window that the profile knows; None = all, in the profile's order.
+        factors: The window's side of the likelihood for these rows, see `coefficients`.
         behind: Columns of the profile from each sample to the window's end.
         constant: Score of the cells that the profile lacks, the same at every position.
     """
 
-    cells: Int[np.ndarray, " chosen"]
-    here: Int[np.ndarray, " chosen"]
+    rows: Int[np.ndarray, " rows"] | None
+    here: Int[np.ndarray, " chosen"] | None
     factors: Float32[np.ndarray, "3 samples rows"]
     behind: Int[np.ndarray, " samples"]
     constant: float
@@ -73,26 +73,26 @@ class Query:
         Match the window's cells with a profile's rows.
 
         Args:
-            column: Row of each cell of the profile.
-            step_m: Metres between its columns.
+            column: Number of each cell in the profile.
+            step_m: Metres between the profile's columns.
             joined: Add up the samples of one column, which then count as one: the same scores for
                 fewer products where a column is longer than a sample.
         """
-        found = [(column[cell], i) for i, cell in enumerate(self.cells) if cell in column]
-        here = np.array([i for _, i in found], dtype=np.intp)
-        factors, constant = self.factors, 0.0
-        if len(found) < len(self.cells):
-            missing = [i for i, cell in enumerate(self.cells) if cell not in column]
-            constant = UNMAPPED * float(self.fine.weight @ self.fine.heard[:, missing].sum(axis=1))
-            rows = (here[:, None] * TERMS + np.arange(TERMS)).ravel()
-            tail = TERMS * len(self.cells) + np.arange(2)
-            factors = factors[:, :, np.concatenate((rows, tail))]
-        behind = np.rint(self.fine.behind_m / step_m).astype(np.intp)
+        factors, rows, here, constant = self.factors, None, None, 0.0
+        numbers = [column.get(cell, -1) for cell in self.cells]
+        if numbers != list(range(len(column))):
+            there = np.array(numbers, dtype=np.intp)
+            here = np.flatnonzero(there >= 0)
+            rows = _rows_of(there[here], len(column))
+            if len(here) < len(numbers):
+                missed = self.fine.heard.sum(axis=1) - self.fine.heard[:, here].sum(axis=1)
+                constant = UNMAPPED * float(self.fine.weight @ missed)
+                factors = factors[:, :, _rows_of(here, len(numbers))]
+        behind = np.rint(self.fine.behind_m * (1.0 / step_m)).astype(np.intp)
         if joined:
             starts = np.concatenate(([0], (behind[1:] != behind[:-1]).nonzero()[0] + 1))
             factors, behind = np.add.reduceat(factors, starts, axis=1), behind[starts]
-        cells = np.array([row for row, _ in found], dtype=np.intp)
-        return Aim(cells, here, factors, behind, constant)
+        return Aim(rows, here, factors, behind, constant)
 
     def aim_at(self, index: MapIndex, road: int) -> Aim:
         """The window aimed at one road's fine profile; worked out once a road."""
@@ -101,6 +101,12 @@ class Query:
             target = index.roads[road]
             found = self._aims[road] = self.aim(target.column, target.step_m)
         return found
+
+
+def _rows_of(cells: Int[np.ndarray, " chosen"], count: int) -> Int[np.ndarray, " rows"]:
+    """A profile's rows of some of its ``count`` cells, with its last two."""
+    terms = (cells[:, None] * TERMS + np.arange(TERMS)).ravel()
+    return np.concatenate((terms, (TERMS * count, TERMS * count + 1)))
 
 
 def ask(index: MapIndex, window: Window) -> Query:

@@ -9,17 +9,20 @@ over all readings. No finer profile is needed.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from app.numerics.index import MapIndex
-from app.numerics.observation import offset_gain
-from app.numerics.posterior import Places
-from app.numerics.query import Query
+from app.numerics.observation import TERMS, OffsetPrior
+from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, WIDTH, Places
+from app.numerics.query import Aim, Query
 
 PARTS = 5  # 0.2 m: an eighth of the narrowest posteriors seen, from edge to edge
 NARROW_M = 1.25  # standard deviation; wider posteriors are drawn well enough by their metres
 AROUND = 3  # grid positions on either side of the best that are drawn anew
+MIN_ROW = 3  # grid positions that a neighbourhood needs
 SHARES = np.arange(PARTS) / PARTS
 
 
@@ -30,79 +33,67 @@ def refine(index: MapIndex, query: Query, places: Places) -> Places:
     The new places replace those of the same metres, so that every metre keeps its weight.
     """
     best = int(places.score.argmax())
-    road, sign = int(places.road[best]), int(places.sign[best])
+    road = int(places.where[0, best])
     step_m = index.roads[road].step_m
-    # Places of one road and direction stand in a row, one grid step apart.
-    first, last = _run(places, best, step_m)
-    if last - first < 2 or _spread_m(places, first, last, index) > NARROW_M * step_m:
+    row = _row(places, best, step_m)
+    if row is None or _spread_m(row, index.calibration.temperature) > NARROW_M * step_m:
         return places
-    grid = np.rint(places.chainage_m[first : last + 1] / step_m).astype(np.intp)
-    bend = _bend(index, query, road, grid[:-1], sign)
-    finer = _between(places, first, last, bend, index.calibration.offset_sd_db)
-    kept = np.ones(len(places), dtype=bool)
-    kept[first : last + 1] = False
-    return Places.join([places.take(kept), finer])
+    finer = _between(row, _bend(index, query, row, road), index.offset_prior, step_m)
+    first = max(best - AROUND, 0)
+    before, after = places.slice(0, first), places.slice(first + len(row), len(places))
+    return Places.join((before, finer, after))
 
 
-def _run(places: Places, best: int, step_m: float) -> tuple[int, int]:
-    """The row of places about the best one, at most `AROUND` to either side."""
-    low, high = max(best - AROUND, 0), min(best + AROUND, len(places) - 1)
-    part = slice(low, high + 1)
-    same = (places.road[part] == places.road[best]) & (places.sign[part] == places.sign[best])
-    steps = np.arange(low - best, high - best + 1)
-    same &= np.abs(places.chainage_m[part] - places.chainage_m[best] - steps * step_m) < step_m / 2
-    row = np.flatnonzero(same)
-    return low + int(row[0]), low + int(row[-1])
+def _row(places: Places, best: int, step_m: float) -> Places | None:
+    """The best place and its neighbours; None where they are not one unbroken row."""
+    first, end = max(best - AROUND, 0), min(best + AROUND + 1, len(places))
+    row = places.slice(first, end)
+    apart_m = row.chainage_m[1:] - row.chainage_m[:-1]
+    broken = (row.where[:, 1:] != row.where[:, :-1]).any() or len(row) < MIN_ROW
+    return None if broken or (np.abs(apart_m - step_m) > 1e-6).any() else row
 
 
-def _spread_m(places: Places, first: int, last: int, index: MapIndex) -> float:
-    score = places.score[first : last + 1]
-    weight = np.exp((score - score.max()) / index.calibration.temperature)
+def _spread_m(row: Places, temperature: float) -> float:
+    weight = np.exp((row.score - row.score.max()) * (1.0 / temperature))
     weight /= weight.sum()
-    chainage_m = places.chainage_m[first : last + 1]
-    mean_m = float(weight @ chainage_m)
-    return float(np.sqrt(weight @ (chainage_m - mean_m) ** 2))
+    mean_m = weight @ row.chainage_m
+    return math.sqrt(max(float(weight @ row.chainage_m**2 - mean_m**2), 0.0))
 
 
-def _bend(
-    index: MapIndex, query: Query, road: int, grid: np.ndarray, sign: int
-) -> Float[np.ndarray, " intervals"]:
+def _bend(index: MapIndex, query: Query, row: Places, road: int) -> Float[np.ndarray, " intervals"]:
     """How far the score lies above the straight line, from each grid position to the next."""
-    bend, aim = index.roads[road].along.bend, query.aim_at(index, road)
-    counted = query.fine.heard[:, aim.here] * query.fine.weight[:, None]
-    at = grid - sign * aim.behind[:, None]
-    low, high = max(int(at.min()), 0), min(int(at.max()), bend.shape[1] - 1)
-    each = np.zeros((len(at), high - low + 2))  # the last column stands for "off the road"
-    each[:, :-1] = counted @ bend[aim.cells, low : high + 1]
-    at[(at < low) | (at > high)] = high + 1
+    target, aim = index.roads[road], query.aim_at(index, road)
+    start = round(float(row.chainage_m[0]) / target.step_m) + 1
+    columns = np.arange(start, start + len(row) - 1) - int(row.sign[0]) * aim.behind[:, None]
+    columns = np.minimum(np.maximum(columns, 0), target.along.columns - 1)
+    low, high = int(columns.min()), int(columns.max())
+    bend = target.along.bend[:, low : high + 1]
+    heard = query.fine.heard
+    if aim.here is not None:
+        bend, heard = bend[_cells_of(aim)], heard[:, aim.here]
+    each = (heard * query.fine.weight[:, None]) @ bend
     starts = np.arange(0, each.size, each.shape[1])[:, None] - low
-    return np.asarray(each.ravel().take(at + starts).sum(axis=0))
+    return np.asarray(each.ravel().take(columns + starts).sum(axis=0))
+
+
+def _cells_of(aim: Aim) -> Int[np.ndarray, " chosen"]:
+    assert aim.rows is not None  # noqa: S101  # rows and here are given together
+    return aim.rows[:-2:TERMS] // TERMS
 
 
 def _between(
-    places: Places,
-    first: int,
-    last: int,
-    bend: Float[np.ndarray, " intervals"],
-    offset_sd_db: float,
+    row: Places, bend: Float[np.ndarray, " intervals"], prior: OffsetPrior, step_m: float
 ) -> Places:
-    residual, weight = places.residual[first : last + 1], places.weight[first : last + 1]
-    gain = offset_gain(residual, weight, offset_sd_db)
-    plain = places.score[first : last + 1] - gain
-    corners = np.stack([places.chainage_m[first : last + 1], plain, residual, weight])
-    sides = corners[:, :-1, None] + SHARES * (corners[:, 1:] - corners[:, :-1])[:, :, None]
-    fine = np.concatenate([sides.reshape(4, -1), corners[:, -1:]], axis=1)
-    fine[1, :-1] += (bend[:, None] * (SHARES * (1.0 - SHARES))).ravel()
-    fine[1] += offset_gain(fine[2], fine[3], offset_sd_db)
-    count, step_m = fine.shape[1], places.width_m[first]
-    width_m = np.full(count, step_m / PARTS)
-    width_m[0] = width_m[-1] = step_m / 2.0 * (1.0 + 1.0 / PARTS)  # an end keeps its outer half
-    return Places(
-        np.full(count, places.road[first]),
-        np.full(count, places.sign[first]),
-        fine[0],
-        width_m,
-        fine[1],
-        fine[2],
-        fine[3],
-    )
+    """Places at every share of the way between neighbours, the last neighbour included."""
+    left = row.values[:, :-1]
+    steps = row.values[:, 1:] - left
+    count = PARTS * (len(row) - 1) + 1
+    values = np.empty((len(row.values), count))
+    values[:, :-1] = (left[:, :, None] + SHARES * steps[:, :, None]).reshape(len(values), -1)
+    values[:, -1] = row.values[:, -1]
+    # The offset takes up a common residual, whose square is convex: so much less is the bend.
+    taken = 0.5 * steps[RESIDUAL] ** 2 / (left[WEIGHT] + 1.0 / prior.like_db2)
+    values[SCORE, :-1] += ((bend - taken)[:, None] * (SHARES * (1.0 - SHARES))).ravel()
+    values[WIDTH] = step_m / PARTS
+    values[WIDTH, [0, -1]] = step_m / 2.0 * (1.0 + 1.0 / PARTS)  # an end keeps its outer half
+    return Places(np.repeat(row.where[:, :1], count, axis=1), values)
