@@ -8,6 +8,7 @@ import math
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from operator import itemgetter
 
 from pydantic import ValidationError
 
@@ -27,6 +28,8 @@ class _Samples:
     Columns as they grow, with the line that each sample and reading came from.
 
     ``readings`` holds for each sample the place of each cell's reading in the two flat arrays.
+    ``last`` is the sample of the row before with its time and place as they were written: most rows
+    repeat these.
     """
 
     time_s: list[float] = field(default_factory=list)
@@ -37,7 +40,8 @@ class _Samples:
     rsrp_dbm: array[float] = field(default_factory=lambda: array("d"))
     reading_lines: array[int] = field(default_factory=lambda: array("q"))
     cells: dict[str, int] = field(default_factory=dict)
-    at: dict[tuple[float, float, float], int] = field(default_factory=dict)
+    at: dict[tuple[float, ...], int] = field(default_factory=dict)
+    last: tuple[tuple[str, ...], int] = ((), -1)
 
 
 def trace_of_csv(raw: bytes, described: Described) -> Trace:
@@ -61,8 +65,8 @@ def trace_of_csv(raw: bytes, described: Described) -> Trace:
         raise _by_line(error, samples) from None
 
 
-def _rows(raw: bytes, faults: Faults) -> Iterator[tuple[int, dict[str, str]]]:
-    """Each row with its line, as columns by name."""
+def _rows(raw: bytes, faults: Faults) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Each row with its line, its values in the order of `REQUIRED`."""
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -73,13 +77,13 @@ def _rows(raw: bytes, faults: Faults) -> Iterator[tuple[int, dict[str, str]]]:
         header = [name.strip() for name in next(reader, [])]
         if not _header_is_right(header, faults):
             return
+        in_order = itemgetter(*map(header.index, REQUIRED))
         for values in reader:
-            if len(values) != len(header):
-                if values:
-                    detail = f"{len(values)} values where there are {len(header)} columns"
-                    faults.add(f"/lines/{reader.line_num}", detail)
-                continue
-            yield reader.line_num, dict(zip(header, values, strict=True))
+            if len(values) == len(header):
+                yield reader.line_num, in_order(values)
+            elif values:
+                detail = f"{len(values)} values where there are {len(header)} columns"
+                faults.add(f"/lines/{reader.line_num}", detail)
     except csv.Error as error:
         faults.add(f"/lines/{reader.line_num}", f"no CSV: {error}")
 
@@ -96,29 +100,42 @@ def _header_is_right(header: list[str], faults: Faults) -> bool:
     return not faults.count
 
 
-def _add(samples: _Samples, line: int, row: dict[str, str], faults: Faults) -> None:
+def _add(samples: _Samples, line: int, row: tuple[str, ...], faults: Faults) -> None:
     """One row into the columns: a new sample, or another cell of one that is there."""
-    numbers = [
-        _number(row[name], f"/lines/{line}/{name}", faults) for name in ("time_s", "lon", "lat")
-    ]
-    if any(math.isnan(number) for number in numbers):
-        return
-    place = (numbers[0], numbers[1], numbers[2])
+    written = row[:3]
+    if written != samples.last[0]:
+        sample = _sample_at(samples, line, written, faults)
+        if sample is None:
+            return
+        samples.last = (written, sample)
+    if row[4].strip():
+        _add_reading(samples, samples.last[1], line, row, faults)
+
+
+def _sample_at(
+    samples: _Samples, line: int, written: tuple[str, ...], faults: Faults
+) -> int | None:
+    """The sample of a time and place, a new one when they are; None when they are no numbers."""
+    place = tuple(
+        _number(text, f"/lines/{line}/{name}", faults)
+        for text, name in zip(written, REQUIRED, strict=False)
+    )
+    if any(map(math.isnan, place)):
+        return None
     sample = samples.at.setdefault(place, len(samples.time_s))
     if sample == len(samples.time_s):
         for column, number in zip((samples.time_s, samples.lon, samples.lat), place, strict=True):
             column.append(number)
         samples.readings.append({})
         samples.lines.append(line)
-    if row["rsrp_dbm"].strip():
-        _add_reading(samples, sample, line, row, faults)
+    return sample
 
 
 def _add_reading(
-    samples: _Samples, sample: int, line: int, row: dict[str, str], faults: Faults
+    samples: _Samples, sample: int, line: int, row: tuple[str, ...], faults: Faults
 ) -> None:
-    cell_id = row["cell_id"].strip()
-    rsrp_dbm = _number(row["rsrp_dbm"], f"/lines/{line}/rsrp_dbm", faults)
+    cell_id = row[3].strip()
+    rsrp_dbm = _number(row[4], f"/lines/{line}/rsrp_dbm", faults)
     cell = samples.cells.setdefault(cell_id, len(samples.cells))
     here = samples.readings[sample]
     if cell in here:
@@ -136,7 +153,7 @@ def _number(text: str, pointer: str, faults: Faults) -> float:
         number = float(text)
     except ValueError:
         number = math.nan
-    if math.isfinite(number):
+    if math.isfinite(number) and "_" not in text:  # Python reads 1_000, a CSV does not mean it
         return number
     faults.add(pointer, f"{text[:40]!r} is no finite number")
     return math.nan

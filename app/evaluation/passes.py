@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,10 @@ class Drive:
     direction: Direction
     chainage_m: Float[np.ndarray, " samples"]
     travelled_m: Float[np.ndarray, " samples"]
+
+    def with_odometer(self, travelled_m: Float[np.ndarray, " samples"]) -> Drive:
+        """The same drive as a vehicle's own odometer tells it."""
+        return replace(self, travelled_m=travelled_m)
 
 
 def drive_of(trace: Trace, road_id: str, line: Line, direction: Direction) -> Drive:
@@ -93,6 +97,11 @@ def _window_ending_at(drive: Drive, end_m: float, length_m: float) -> Labelled:
     """The window whose last sample is the last one within ``end_m`` of the drive's start."""
     last = int(np.searchsorted(drive.travelled_m, end_m, side="right")) - 1
     first = int(np.searchsorted(drive.travelled_m, drive.travelled_m[last] - length_m))
+    return window_of(drive, first, last)
+
+
+def window_of(drive: Drive, first: int, last: int) -> Labelled:
+    """The window of samples ``first`` to ``last``, with where the last was taken."""
     part = slice(first, last + 1)
     rsrp_dbm = drive.trace.rsrp_dbm[part].astype(float)
     heard = np.isfinite(rsrp_dbm).any(axis=0)

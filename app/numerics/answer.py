@@ -125,9 +125,11 @@ def _candidates(
     key = (places.road << 33) + (segment << 1) + (places.sign < 0)
     order = np.lexsort((density, key))
     ordered = key[order]
-    ends = np.append((ordered[1:] != ordered[:-1]).nonzero()[0], len(order) - 1)
-    covered = mass[order].cumsum()[ends]
-    total = np.diff(covered, prepend=0.0)
+    last = np.ones(len(order), dtype=bool)
+    np.not_equal(ordered[1:], ordered[:-1], out=last[:-1])
+    ends = last.nonzero()[0]
+    total = mass[order].cumsum()[ends]
+    total[1:] -= total[:-1].copy()
     ranked = (-total).argsort(kind="stable")
     listed = ranked[total[ranked] > NEGLIGIBLE]
     chosen = order[ends[listed]]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-RADIUS_STEPS = 17
+RADIUS_STEPS = np.linspace(0.0, 1.0, 17)
 NEGLIGIBLE = 1e-4  # lighter places move a radius less than it is worth
 RADIUS_SDS = 4.0  # the radius lies this near the one that would hold if places were points
 
@@ -134,7 +134,8 @@ def radius_m(
     confidence *= float(covered[-1])
     middle = float(away_m[order[min(int(covered.searchsorted(confidence)), len(order) - 1)]])
     reach = RADIUS_SDS * float(sd_m.max())
-    radii = np.linspace(max(middle - reach, 0.0), middle + reach, RADIUS_STEPS)
+    least = max(middle - reach, 0.0)
+    radii = least + (middle + reach - least) * RADIUS_STEPS
     z = radii[:, None] / sd_m
     centre = away_m / sd_m
     held = (_normal_share(z - centre) - _normal_share(-z - centre)) @ mass

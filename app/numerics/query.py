@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -115,16 +116,18 @@ def ask(index: MapIndex, window: Window) -> Query:
     if distance_m[-1] - distance_m[0] > LONGEST_M:
         recent = distance_m >= distance_m[-1] - LONGEST_M
         distance_m, rsrp_dbm = distance_m[recent], rsrp_dbm[recent]
-    heard = (~np.isnan(rsrp_dbm)).any(axis=0).tolist()
-    order = sorted((cell, i) for i, cell in enumerate(window.cells) if heard[i])
-    known = [(cell, i) for cell, i in order if cell in index.cells]
-    unknown = tuple(cell for cell, _ in order if cell not in index.cells)
-    return prepare(
-        tuple(cell for cell, _ in known),
-        unknown,
-        distance_m,
-        rsrp_dbm[:, [i for _, i in known]],
-    )
+    silent = np.isnan(rsrp_dbm).all(axis=0).tolist()
+    order = sorted((cell, i) for i, cell in enumerate(window.cells) if not silent[i])
+    known = [pair for pair in order if pair[0] in index.cells]
+    unknown = () if len(known) == len(order) else _names(p for p in order if p not in known)
+    columns = [i for _, i in known]
+    if columns != list(range(len(window.cells))):
+        rsrp_dbm = rsrp_dbm[:, columns]
+    return prepare(_names(known), unknown, distance_m, rsrp_dbm)
+
+
+def _names(pairs: Iterable[tuple[str, int]]) -> tuple[str, ...]:
+    return tuple(cell for cell, _ in pairs)
 
 
 def prepare(

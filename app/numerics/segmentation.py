@@ -77,6 +77,9 @@ def cut_road(
         Increasing chainages in metres, the first 0 and the last ``length_m``.
     """
     gradient = np.nan_to_num(np.diff(mean_dbm, axis=0) / step_m)
+    # Sums in another order differ in the last bit, which decides ties: the columns' own values order
+    # them, so that the order of the cells does not.
+    gradient = gradient[:, np.lexsort(gradient)]
     cuts: list[int] = []
     if len(gradient) > 1:
         cost = GradientVarianceCost().fit(gradient)

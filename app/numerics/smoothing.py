@@ -2,8 +2,8 @@
 Positions of a drive without their jitter.
 
 A car's speed changes slowly, a receiver's error does not. The error is read off the fixes' distance
-from the road, where driving adds nothing; the speed's changes off the fixes' progress along it, less
-what that error explains. The smoothed progress is then the maximum a posteriori of both.
+from the road, to which driving adds nothing; the speed's changes off the fixes' progress along it,
+less what that error explains. The smoothed progress is the maximum a posteriori given both.
 """
 
 from __future__ import annotations

@@ -13,12 +13,13 @@ Only a worker imports this module: a serving process has no DBOS.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from dbos import DBOS, DBOSConfig, SetWorkflowID, StepOptions, WorkflowHandle
+from dbos import error as dbos_error
 from sqlalchemy.engine import Engine, make_url
 
 from app.services import roadwork
@@ -49,6 +50,14 @@ class Jobs:
         assert queue is not None  # noqa: S101 - `launch` registered it
         with SetWorkflowID(build_id):
             queue.enqueue(self.build, build_id)
+
+    def call_off(self, build_id: str) -> None:
+        """Take the batches of an ended build that nobody has begun out of the queue."""
+        waiting = DBOS.list_workflows(
+            status="ENQUEUED", workflow_id_prefix=f"{build_id}/", load_input=False
+        )
+        if waiting:
+            DBOS.cancel_workflows([status.workflow_id for status in waiting])
 
     def state_of(self, build_id: str) -> str | None:
         """What DBOS says of a build's workflow; None when it knows none."""
@@ -138,8 +147,7 @@ def _register(engine: Engine, fit: roadwork.FitRoad, calibrate: roadwork.Calibra
     def build(build_id: str) -> None:
         road_count = DBOS.run_step(_step("begin"), roadwork.begin_build, engine, build_id)
         if road_count:
-            for batch in _fan_out(build_batch, build_id, road_count):
-                batch.get_result(polling_interval_sec=LOOK_FOR_RESULT_S)
+            _wait_for(_fan_out(build_batch, build_id, road_count))
             DBOS.run_step(_step("publish"), roadwork.publish, engine, calibrate, build_id)
         DBOS.run_step(_step("clear"), roadwork.clear_leftovers, engine, build_id)
 
@@ -149,6 +157,14 @@ def _register(engine: Engine, fit: roadwork.FitRoad, calibrate: roadwork.Calibra
 def _step(name: str) -> StepOptions:
     # The store's trouble (a lock held too long, a restarted PostgreSQL) is worth waiting for.
     return {"name": name, "retries_allowed": True, "max_attempts": 6, "interval_seconds": 1.0}
+
+
+def _wait_for(batches: Sequence[WorkflowHandle[None]]) -> None:
+    for batch in batches:
+        try:
+            batch.get_result(polling_interval_sec=LOOK_FOR_RESULT_S)
+        except dbos_error.DBOSAwaitedWorkflowCancelledError:
+            return  # `call_off`: the build was dismissed, and `publish` will see that it was
 
 
 def _fan_out(

@@ -93,6 +93,8 @@ class Desk:
         """Dispatch what is due; every now and then look for what the dead left behind."""
         with read(self.engine) as connection:
             due = [build_id for build_id, _ in builds.due_builds(connection)]
+        for build_id in self.dispatched - set(due):
+            self.jobs.call_off(build_id)  # it has ended; if it was dismissed, batches may wait
         self.dispatched &= set(due)
         for build_id in due:
             if build_id not in self.dispatched:

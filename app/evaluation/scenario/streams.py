@@ -19,6 +19,10 @@ class Purpose(enum.IntEnum):
     SURVEY = 7
     DRIVE = 8
     WINDOW = 9
+    ODOMETER = 10
+    TOUR = 11
+    GIFT = 12
+    BOOTSTRAP = 13
 
 
 def stream(seed: int, purpose: Purpose, *key: int) -> np.random.Generator:
