@@ -77,11 +77,11 @@ def cut_road(
         Increasing chainages in metres, the first 0 and the last ``length_m``.
     """
     gradient = np.nan_to_num(np.diff(mean_dbm, axis=0) / step_m)
-    # Sums in another order differ in the last bit, which decides ties: the columns' own values order
-    # them, so that the order of the cells does not.
-    gradient = gradient[:, np.lexsort(gradient)]
     cuts: list[int] = []
     if len(gradient) > 1:
+        # Sums in another order differ in the last bit, which decides ties: the columns' own values
+        # order them, so that the order of the cells does not.
+        gradient = gradient[:, np.lexsort(gradient)]
         cost = GradientVarianceCost().fit(gradient)
         price = params.penalty_m * cost.error(0, len(gradient)) / length_m
         search = BottomUp(custom_cost=cost, min_size=1, jump=1).fit(gradient)
