@@ -135,7 +135,9 @@ def _one_window(
     ]
 
 
-def _log_densities(score: Floats, miss_m: Floats, step_m: float) -> list[float]:
+def _log_densities(
+    score: Float[np.ndarray, " positions"], miss_m: Floats, step_m: float
+) -> list[float]:
     """
     Log of the posterior per metre at the truth, for every one of `CHOICES`.
 
