@@ -63,7 +63,7 @@ def check_cells(cells: Sequence[str], faults: Faults) -> None:
 def check_length(pointer: str, length: int, samples: int, faults: Faults) -> None:
     """One value a sample."""
     if length != samples:
-        faults.add(pointer, f"{length} values where there are {samples} samples")
+        faults.add(pointer, f"{length} values for {samples} samples")
 
 
 def check_rows(rows: Sequence[Sequence[float | None]], cells: int, faults: Faults) -> bool:
@@ -71,7 +71,7 @@ def check_rows(rows: Sequence[Sequence[float | None]], cells: int, faults: Fault
     ragged = [i for i, row in enumerate(rows) if len(row) != cells]
     faults.add_many(
         (
-            Fault(f"/rsrp_dbm/{i}", f"{len(rows[i])} values where there are {cells} cells")
+            Fault(f"/rsrp_dbm/{i}", f"{len(rows[i])} values for {cells} cells")
             for i in ragged
         ),
         len(ragged),
@@ -88,7 +88,7 @@ def check_rsrp(rsrp_dbm: Floats, radio: str | None, faults: Faults) -> None:
 
     def fault(row: int, column: int) -> Fault:
         value = float(rsrp_dbm[row, column])
-        filler = f" ({FILLERS[value]}: send null)" if value in FILLERS else ""
+        filler = f" ({FILLERS[value]}, no reading)" if value in FILLERS else ""
         detail = f"{value:.10g} dBm{filler} is outside {where} {low_dbm:g}..{high_dbm:g} dBm"
         return Fault(f"/rsrp_dbm/{row}/{column}", detail)
 

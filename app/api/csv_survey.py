@@ -82,7 +82,7 @@ def _rows(raw: bytes, faults: Faults) -> Iterator[tuple[int, tuple[str, ...]]]:
             if len(values) == len(header):
                 yield reader.line_num, in_order(values)
             elif values:
-                detail = f"{len(values)} values where there are {len(header)} columns"
+                detail = f"{len(values)} values for {len(header)} columns"
                 faults.add(f"/lines/{reader.line_num}", detail)
     except csv.Error as error:
         faults.add(f"/lines/{reader.line_num}", f"no CSV: {error}")

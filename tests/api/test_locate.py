@@ -129,7 +129,7 @@ WINDOW_REFUSALS: list[tuple[str, dict[str, Any], set[str], str]] = [
     ("no way", raw(distance_m=None), {"/distance_m"}, "the way is missing"),
     ("half a way", raw(distance_m=None, time_s=[0.0, 1, 2, 3]), {"/distance_m"}, "the way is missing"),
     ("two ways", raw(speed_mps=3.0), {"/speed_mps"}, "told by distance_m already"),
-    ("short way", raw(distance_m=[0.0, 1.0]), {"/distance_m"}, "2 values where there are 4"),
+    ("short way", raw(distance_m=[0.0, 1.0]), {"/distance_m"}, "2 values for 4 samples"),
     ("falling way", raw(distance_m=[0.0, 5.0, 4.5, 6.0]), {"/distance_m/2"}, "4.5 m after 5 m"),
     ("endless way", raw(distance_m=[0.0, 5.0, 6.0, 1e6]), {"/distance_m"}, "1000000 m long"),
     ("overflowing way", raw(distance_m=[-1e308, 0.0, 1.0, 1e308]), {"/distance_m"}, "inf m long"),

@@ -57,7 +57,7 @@ REFUSALS: list[tuple[str, list[Change], set[str], str]] = [
     ("infinite position", [item("lon", 1, float("inf"))], {"/lon/1"}, "finite"),
     ("ragged row", [put("rsrp_dbm", [[-100, -99], [-100], [-100, -99]])], {"/rsrp_dbm/1"}, "1 values"),
     ("row of rows", [put("rsrp_dbm", [-100, -99, -98])], {"/rsrp_dbm/0"}, "array, got -100"),
-    ("short column", [put("lat", [34.0136, 34.0137])], {"/lat"}, "2 values where there are 3"),
+    ("short column", [put("lat", [34.0136, 34.0137])], {"/lat"}, "2 values for 3 samples"),
     ("long matrix", [lambda s: s["rsrp_dbm"].append([-1e2, None])], {"/rsrp_dbm"}, "4 values"),
     ("too weak", [reading(0, 0, -156.1)], {"/rsrp_dbm/0/0"}, "-156.1 dBm"),
     ("too strong", [reading(0, 0, -30.9)], {"/rsrp_dbm/0/0"}, "-30.9 dBm"),
