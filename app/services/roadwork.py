@@ -118,7 +118,7 @@ def publish(engine: Engine, calibrate: Calibrate, build_id: str) -> None:
 
 def abandon(engine: Engine, build_id: str, code: str, detail: str) -> bool:
     """End a build that cannot go on; False when it had ended."""
-    problem = {"type": f"urn:roadprint:{code}", "title": "The build broke off", "detail": detail}
+    problem = {"type": f"urn:roadprint:problem:{code}", "title": "The build broke off", "detail": detail}
     with write(engine) as connection:
         return builds.finish(connection, build_id, "failed", problem={**problem, "code": code})
 
@@ -176,7 +176,7 @@ def _problem(connection: Connection, build_id: str) -> dict[str, object]:
     reasons = "; ".join(f"{row.road_id}: {row.detail}" for row in failed[:5])
     more = f"; and {len(failed) - 5} more" if len(failed) > 5 else ""
     return {
-        "type": "urn:roadprint:no-road-built",
+        "type": "urn:roadprint:problem:no-road-built",
         "title": "No road could be built",
         "detail": f"all {len(failed)} roads failed: {reasons}{more}",
         "code": "no-road-built",
