@@ -70,10 +70,7 @@ def check_rows(rows: Sequence[Sequence[float | None]], cells: int, faults: Fault
     """One number a cell in each row; returns whether that holds, so that a matrix can be made."""
     ragged = [i for i, row in enumerate(rows) if len(row) != cells]
     faults.add_many(
-        (
-            Fault(f"/rsrp_dbm/{i}", f"{len(rows[i])} values for {cells} cells")
-            for i in ragged
-        ),
+        (Fault(f"/rsrp_dbm/{i}", f"{len(rows[i])} values for {cells} cells") for i in ragged),
         len(ragged),
     )
     return not ragged

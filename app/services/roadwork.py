@@ -118,7 +118,11 @@ def publish(engine: Engine, calibrate: Calibrate, build_id: str) -> None:
 
 def abandon(engine: Engine, build_id: str, code: str, detail: str) -> bool:
     """End a build that cannot go on; False when it had ended."""
-    problem = {"type": f"urn:roadprint:problem:{code}", "title": "The build broke off", "detail": detail}
+    problem = {
+        "type": f"urn:roadprint:problem:{code}",
+        "title": "The build broke off",
+        "detail": detail,
+    }
     with write(engine) as connection:
         return builds.finish(connection, build_id, "failed", problem={**problem, "code": code})
 
