@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -32,9 +33,9 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
     peak = int((density * (places.road == number)).argmax())
     chainage_m = _peak_chainage_m(places, mass, peak)
     road, sign = index.roads[number], int(places.sign[peak])
-    spots = index.atlas.spot(places.road, places.chainage_m)
     here = _here(index, number, chainage_m)
     segment = int(road.edges_m[1:-1].searchsorted(chainage_m, side="right"))
+    spots = index.atlas.spot(places.road, places.chainage_m)
     candidates = _candidates(index, places, mass, density, spots, 1.0 - off_map)
     away_m = np.hypot(spots.of(index.atlas.x_m) - here.x_m, spots.of(index.atlas.y_m) - here.y_m)
     return Fix(
@@ -120,32 +121,39 @@ def _candidates(
     on_map: float,
 ) -> tuple[Candidate, ...]:
     """One candidate a sub-segment and direction, most probable first; ties by road and place."""
-    atlas = index.atlas
-    segment = atlas.segment[spots.low]
+    segment = np.asarray(index.atlas.segment[spots.low])
     key = (places.road << 33) + (segment << 1) + (places.sign < 0)
-    order = np.lexsort((density, key))
-    ordered = key[order]
-    last = np.ones(len(order), dtype=bool)
-    np.not_equal(ordered[1:], ordered[:-1], out=last[:-1])
-    ends = last.nonzero()[0]
-    total = mass[order].cumsum()[ends]
-    total[1:] -= total[:-1].copy()
-    ranked = (-total).argsort(kind="stable")
-    listed = ranked[total[ranked] > NEGLIGIBLE]
-    chosen = order[ends[listed]]
-    share = total[listed] * (on_map / total[listed].sum())
-    best = Spot(np.asarray(spots.low)[chosen], np.asarray(spots.share)[chosen])
+    edges = [0, *((key[1:] != key[:-1]).nonzero()[0] + 1).tolist(), len(key)]
+    total: dict[int, float] = {}
+    best: dict[int, int] = {}
+    for start, end in pairwise(edges):
+        one = int(key[start])
+        peak = start + int(density[start:end].argmax())
+        total[one] = total.get(one, 0.0) + float(mass[start:end].sum())
+        if one not in best or density[peak] > density[best[one]]:
+            best[one] = peak
+    listed = sorted((-total[one], one) for one in total if total[one] > NEGLIGIBLE)
+    share = on_map / -sum(less for less, _ in listed)
     return tuple(
-        Candidate(index.road_ids[road], part, _direction(sign), posterior, chainage_m, lon, lat)
-        for (road, sign), part, posterior, chainage_m, lon, lat in zip(
-            places.where[:, chosen].T.tolist(),
-            segment[chosen].tolist(),
-            share.tolist(),
-            places.chainage_m[chosen].tolist(),
-            best.of(atlas.lon).tolist(),
-            best.of(atlas.lat).tolist(),
-            strict=True,
-        )
+        _candidate(index, places, best[one], int(segment[best[one]]), -less * share)
+        for less, one in listed
+    )
+
+
+def _candidate(
+    index: MapIndex, places: Places, place: int, segment: int, posterior: float
+) -> Candidate:
+    number, sign = places.where[:, place].tolist()
+    chainage_m = float(places.chainage_m[place])
+    spot = _here(index, number, chainage_m)
+    return Candidate(
+        index.road_ids[number],
+        segment,
+        _direction(sign),
+        posterior,
+        chainage_m,
+        spot.lon,
+        spot.lat,
     )
 
 

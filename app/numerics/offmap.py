@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from app.domain import Calibration
 from app.numerics.observation import Evidence
@@ -12,7 +12,7 @@ OFF_MAP_PRIOR = 0.05  # before a map has learnt anything, one window in twenty i
 
 def fit_per_reading(best_score: float, seen: Evidence) -> float:
     """Best score over the number of independent readings: how well a window fits the map at all."""
-    readings = float(seen.weight @ seen.heard.sum(axis=1))
+    readings = float((seen.weight @ seen.heard).sum())
     return best_score / max(readings, 1e-6)
 
 
@@ -26,4 +26,4 @@ def off_map_probability(calibration: Calibration, best_score: float, seen: Evide
         return 1.0 - 1e-6
     fit = fit_per_reading(best_score, seen)
     log_odds_on = calibration.off_map_intercept + calibration.off_map_slope * fit
-    return float(1.0 / (1.0 + np.exp(min(max(log_odds_on, -30.0), 30.0))))
+    return 1.0 / (1.0 + math.exp(min(max(log_odds_on, -30.0), 30.0)))

@@ -52,15 +52,23 @@ def all_cells(passes: Sequence[Trace]) -> tuple[str, ...]:
 
 
 def distinct(passes: Sequence[Trace]) -> list[Trace]:
-    """The passes without exact copies: the same samples twice are one measurement."""
+    """
+    The passes without exact copies, in an order of their own: the same samples twice are one pass.
+
+    Neither the order of the passes nor that of their cells moves anything.
+    """
     seen: dict[tuple[bytes, ...], Trace] = {}
-    for trace in passes:
-        order = np.argsort(np.array(trace.cells))
-        columns = np.ascontiguousarray(trace.rsrp_dbm[:, order], dtype=np.float32)
-        names = "\n".join(sorted(trace.cells)).encode()
-        key = (names, columns.tobytes(), trace.lon.tobytes(), trace.lat.tobytes())
-        seen.setdefault(key, trace)
-    return list(seen.values())
+    for trace in sorted(passes, key=lambda trace: str(trace.recorded_at)):
+        seen.setdefault(_samples(trace), trace)
+    return [seen[key] for key in sorted(seen)]
+
+
+def _samples(trace: Trace) -> tuple[bytes, ...]:
+    order = np.argsort(np.array(trace.cells))
+    columns = np.ascontiguousarray(trace.rsrp_dbm[:, order], dtype=np.float32)
+    names = "\n".join(sorted(trace.cells)).encode()
+    places = (trace.lon.tobytes(), trace.lat.tobytes())
+    return (*places, trace.time_s.tobytes(), names, columns.tobytes())
 
 
 def lay_on_road(line: Line, trace: Trace, cells: tuple[str, ...], name: str) -> RoadPass | None:

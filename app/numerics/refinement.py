@@ -9,8 +9,6 @@ over all readings. No finer profile is needed.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -20,7 +18,6 @@ from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, WIDTH, Places
 from app.numerics.query import Aim, Query
 
 PARTS = 5  # 0.2 m: an eighth of the narrowest posteriors seen, from edge to edge
-NARROW_M = 1.25  # standard deviation; wider posteriors are drawn well enough by their metres
 AROUND = 3  # grid positions on either side of the best that are drawn anew
 MIN_ROW = 3  # grid positions that a neighbourhood needs
 SHARES = np.arange(PARTS) / PARTS
@@ -28,7 +25,7 @@ SHARES = np.arange(PARTS) / PARTS
 
 def refine(index: MapIndex, query: Query, places: Places) -> Places:
     """
-    Draw the neighbourhood of the best place anew at a fifth of the grid, where that matters.
+    Draw the neighbourhood of the best place anew at a fifth of the grid.
 
     The new places replace those of the same metres, so that every metre keeps its weight.
     """
@@ -36,7 +33,7 @@ def refine(index: MapIndex, query: Query, places: Places) -> Places:
     road = int(places.where[0, best])
     step_m = index.roads[road].step_m
     row = _row(places, best, step_m)
-    if row is None or _spread_m(row, index.calibration.temperature) > NARROW_M * step_m:
+    if row is None:
         return places
     finer = _between(row, _bend(index, query, row, road), index.offset_prior, step_m)
     first = max(best - AROUND, 0)
@@ -47,17 +44,13 @@ def refine(index: MapIndex, query: Query, places: Places) -> Places:
 def _row(places: Places, best: int, step_m: float) -> Places | None:
     """The best place and its neighbours; None where they are not one unbroken row."""
     first, end = max(best - AROUND, 0), min(best + AROUND + 1, len(places))
-    row = places.slice(first, end)
-    apart_m = row.chainage_m[1:] - row.chainage_m[:-1]
-    broken = (row.where[:, 1:] != row.where[:, :-1]).any() or len(row) < MIN_ROW
-    return None if broken or (np.abs(apart_m - step_m) > 1e-6).any() else row
-
-
-def _spread_m(row: Places, temperature: float) -> float:
-    weight = np.exp((row.score - row.score.max()) * (1.0 / temperature))
-    weight /= weight.sum()
-    mean_m = weight @ row.chainage_m
-    return math.sqrt(max(float(weight @ row.chainage_m**2 - mean_m**2), 0.0))
+    ends = places.where[:, [first, end - 1]].tolist()
+    if end - first < MIN_ROW or ends[0][0] != ends[0][1] or ends[1][0] != ends[1][1]:
+        return None
+    chainage_m = places.chainage_m
+    length_m = float(chainage_m[end - 1] - chainage_m[first])
+    whole = abs(length_m - (end - first - 1) * step_m) < 1e-6
+    return places.slice(first, end) if whole else None
 
 
 def _bend(index: MapIndex, query: Query, row: Places, road: int) -> Float[np.ndarray, " intervals"]:

@@ -53,9 +53,7 @@ def fit_road(road: Road, passes: Sequence[Trace], params: FitParams = FitParams(
     Raises:
         NotEnoughSamples, NoCells, RoadTooShort: The passes say too little of this road.
     """
-    measured = sorted(
-        distinct(passes), key=lambda trace: (trace.lon.tobytes(), trace.time_s.tobytes())
-    )
+    measured = distinct(passes)
     if not measured:
         raise NotEnoughSamples(needed=params.min_rows, got=0)
     line = road.line if road.line is not None else derive_line(measured)
