@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from itertools import count
+from secrets import token_hex
 from time import perf_counter
-from uuid import uuid4
 
 import structlog
 from starlette.requests import ClientDisconnect
@@ -19,15 +20,19 @@ CLIENT_LEFT = 499  # nginx's number for an answer that nobody waited for
 READS = frozenset({"GET", "HEAD", "OPTIONS"})
 NO_ROUTE = "none"  # one label for all unknown paths, or any scanner would fill the memory
 
+# Random once a process and counted from there: a random one each costs 5 microseconds.
+PROCESS_ID = token_hex(8).encode()
+_numbers = count()
+
 _log = structlog.get_logger()
 
 
 def request_id_of(headers: list[tuple[bytes, bytes]]) -> bytes:
-    """The client's ``X-Request-ID`` when it is fit to echo, else a fresh one."""
+    """The client's ``X-Request-ID`` when it is fit to echo, else a fresh one of 32 hex digits."""
     for name, value in headers:
         if name == b"x-request-id" and REQUEST_ID.fullmatch(value):
             return value
-    return uuid4().hex.encode()
+    return b"%s%016x" % (PROCESS_ID, next(_numbers))
 
 
 class Envelope:
