@@ -1,0 +1,1 @@
+"""What is measured: points, the settings they need, and the fixes made under each."""

@@ -1,0 +1,88 @@
+"""Free parameters of the rivals, chosen on the survey alone: each gets what serves it best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from app.domain import Direction, Trace
+from app.evaluation.methods.base import Model, Previous, Survey
+from app.evaluation.passes import Drive, drive_of
+from app.evaluation.tours import PROTOCOLS, Asked, tour
+from app.numerics.geodesy import distance_m
+
+P = TypeVar("P")
+
+TUNING_WINDOWS = 16  # under each protocol
+FARTHEST_M = 150.0  # a miss counts no more: one lost drive must not choose the parameters
+
+
+def choose(choices: Sequence[P], fit: Callable[[Survey, P], Model], survey: Survey, seed: int) -> P:
+    """
+    The parameters of least mean error on held-out survey windows; the first among equals.
+
+    Passes of the last day are held out where roads were driven on several; with one pass a road,
+    every second sample is (neighbouring samples share the place, not the noise).
+    """
+    train, held = split(survey)
+    drives = [_drive(survey, trace) for trace in held]
+    windows = [
+        asked
+        for protocol in PROTOCOLS
+        for asked in tour(
+            drives, TUNING_WINDOWS, protocol=protocol, length_m=survey.window_m, seed=seed
+        )
+    ]
+    return min(choices, key=lambda each: _mean_error_m(fit(train, each), windows))
+
+
+def split(survey: Survey) -> tuple[Survey, list[Trace]]:
+    """A survey to learn from, and passes that it lacks."""
+    days = sorted({day for trace in survey.traces if (day := _day(trace)) is not None})
+    last = [trace for trace in survey.traces if days and _day(trace) == days[-1]]
+    rest = [trace for trace in survey.traces if not days or _day(trace) != days[-1]]
+    if rest and {trace.road_id for trace in last} <= {trace.road_id for trace in rest}:
+        return replace(survey, traces=tuple(rest)), last
+    train = tuple(_every_second(trace, 0) for trace in survey.traces)
+    return replace(survey, traces=train), [_every_second(trace, 1) for trace in survey.traces]
+
+
+def _day(trace: Trace) -> str | None:
+    return trace.recorded_at.date().isoformat() if trace.recorded_at else None
+
+
+def _every_second(trace: Trace, first: int) -> Trace:
+    part = slice(first, None, 2)
+    return replace(
+        trace,
+        time_s=trace.time_s[part],
+        lon=trace.lon[part],
+        lat=trace.lat[part],
+        rsrp_dbm=trace.rsrp_dbm[part],
+    )
+
+
+def _drive(survey: Survey, trace: Trace) -> Drive:
+    line = survey.line(str(trace.road_id))
+    forward = drive_of(trace, str(trace.road_id), line, Direction.FORWARD)
+    if forward.chainage_m[-1] >= forward.chainage_m[0]:
+        return forward
+    return drive_of(trace, str(trace.road_id), line, Direction.BACKWARD)
+
+
+def _mean_error_m(model: Model, windows: Sequence[Asked]) -> float:
+    errors = []
+    previous: Previous | None = None
+    for asked in windows:
+        if asked.since_m is None or previous is None:
+            previous = None
+        else:
+            previous = Previous(previous.estimate, asked.since_m)
+        estimate = model.locate(asked.window, previous)
+        previous = Previous(estimate, 0.0)
+        truth = asked.truth
+        errors.append(float(distance_m(estimate.lon, estimate.lat, truth.lon, truth.lat)))
+    return float(np.mean(np.minimum(errors, FARTHEST_M)))
