@@ -23,7 +23,7 @@ from app.api.metrics import Metrics
 from app.api.middleware.body import BodyLimit
 from app.api.middleware.envelope import Envelope
 from app.api.openapi import openapi_document
-from app.api.routes import builds, cells, health, locate, maps, roads, surveys
+from app.api.routes import builds, cells, docs, health, locate, maps, roads, surveys
 from app.api.state import Limits, State
 from app.services.publish import MapHolder
 from app.settings import Settings
@@ -41,12 +41,15 @@ def create_app(settings: Settings) -> FastAPI:
         version=VERSION,
         description=DESCRIPTION,
         lifespan=_lifespan(settings, metrics),
+        docs_url=None,  # ours needs no foreign host
+        redoc_url=None,
         redirect_slashes=False,  # a path with a slash too many is no path, and never a redirect
         telemetry={"tracing": False, "metrics": False, "logs": False},  # /metrics has its own
     )
     app.router.routes.append(locate.hot_route())  # for its place in the interface, and for 405
-    for module in (locate, surveys, builds, maps, roads, cells, health):
+    for module in (locate, surveys, builds, maps, roads, cells, health, docs):
         app.include_router(module.router)
+    app.router.routes.append(docs.assets())
     errors.install(app)
     app.layers = (
         lambda inner: HotPath(inner, locate.hot_route()),

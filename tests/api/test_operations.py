@@ -79,7 +79,17 @@ def test_an_unfit_request_id_is_replaced(shared: Service, sent: str | bytes | No
 
 @pytest.mark.parametrize(
     "path",
-    ["/", "/v1", "/v1/", "/v2/locate", "/v1/roads/", "/v1/locate/", "/v1/roads/a/b", "/docs/x"],
+    [
+        "/",
+        "/v1",
+        "/v1/",
+        "/v2/locate",
+        "/v1/roads/",
+        "/v1/locate/",
+        "/v1/roads/a/b",
+        "/docs/x",
+        "/docs/assets/x",
+    ],
 )
 def test_unknown_paths_are_not_found(shared: Service, path: str):
     """404 as a problem, never a redirect."""
@@ -130,5 +140,11 @@ def test_a_defect_shows_nothing_of_the_inside(
 
 def test_the_interface_describes_itself(shared: Service):
     """/docs is a page, /openapi.json the document."""
-    assert "text/html" in shared.client.get("/docs").headers["content-type"]
+    page = shared.client.get("/docs")
+    assert "text/html" in page.headers["content-type"]
+    loaded = re.findall(r'(?:src|href)="([^"]+)"', page.text)
+    assert len(loaded) == 3
+    for address in loaded:
+        assert address.startswith("/")  # nothing from elsewhere: the service may be offline
+        assert shared.client.get(address).status_code == 200
     assert shared.client.get("/openapi.json").json()["info"]["title"] == "roadprint"
