@@ -16,7 +16,7 @@ from app.numerics.geodesy import Floats
 
 FAINT_M = 0.5  # receivers that filter their own fixes show less; smoothing them again adds nothing
 MIN_FIXES = 8
-SMALLEST_ACCELERATION_MPS2 = 0.05  # nobody holds a speed better
+SMALLEST_ACCELERATION_MPS2 = 0.8  # of traffic; strong jitter hides less, and a stop must survive
 CALM = 0.6745  # median of |N(0, 1)|: a few sharp turns of the wheel must not count as jitter
 
 
