@@ -15,9 +15,12 @@ from app.numerics.geodesy import Floats, LocalFrame
 
 THINNED_TO_M = 8.0  # closer fixes say more of GPS jitter than of the road
 STATION_M = 10.0
+SMOOTHED_OVER = 3.0  # times the fixes' jitter: less leaves zigzag, which makes a road too long
+WIDTH_M = (4.0, 25.0)  # of the smoothing: half the stations' distance, and what no corner survives
 REACH_M = 40.0  # a fix farther off than a wide street belongs to another road
 SIMPLIFIED_TO_M = 0.5
 MIN_LENGTH_M = 20.0
+MEDIAN_OF_NORMAL = 0.6745  # of |N(0, 1)|: a few corners must not count as jitter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,13 +34,23 @@ class Track:
         """Length of the track."""
         return float(np.hypot(*np.diff(self.xy_m, axis=0).T).sum())
 
+    @property
+    def jitter_m(self) -> float:
+        """Standard deviation of a fix across the road, from how three neighbours bend."""
+        if len(self.xy_m) < 3:
+            return 0.0
+        chord, bend = self.xy_m[2:] - self.xy_m[:-2], np.diff(self.xy_m, n=2, axis=0)
+        across_m = chord[:, 0] * bend[:, 1] - chord[:, 1] * bend[:, 0]
+        across_m /= np.maximum(np.hypot(*chord.T), 1e-9)
+        return float(np.median(np.abs(across_m))) / (MEDIAN_OF_NORMAL * np.sqrt(6.0))
+
 
 def derive_line(passes: Sequence[Trace]) -> Line:
     """
     Centre line of the union of the passes, in the direction of the longest one.
 
     The longest pass gives the first shape, the others carry its ends on where they reach farther,
-    and every station then moves to the middle of all fixes beside it.
+    and every station then moves to where the fixes about it lie on average.
 
     Raises:
         RoadTooShort: The passes do not move.
@@ -49,7 +62,9 @@ def derive_line(passes: Sequence[Trace]) -> Line:
     shape = tracks[0].xy_m
     for track in tracks[1:]:
         shape = _carried_on(shape, track.xy_m)
-    centred = _centred(shape, np.concatenate([track.xy_m for track in tracks]))
+    jitter_m = float(np.median([track.jitter_m for track in tracks]))
+    width_m = float(np.clip(SMOOTHED_OVER * jitter_m, *WIDTH_M))
+    centred = _centred(shape, np.concatenate([track.xy_m for track in tracks]), width_m)
     simple = np.array(LineString(centred).simplify(SIMPLIFIED_TO_M).coords)
     ends = frame.to_lonlat(simple[:, 0], simple[:, 1])
     return Line(ends.lon, ends.lat)
@@ -91,19 +106,25 @@ def _outside(beyond: np.ndarray, off_m: Floats) -> int:
     return int(clear.sum()) if off_m[count] <= REACH_M else 0
 
 
-def _centred(shape: Floats, fixes: Floats) -> Floats:
-    """Move every station sideways to the mean of the fixes beside it."""
+def _centred(shape: Floats, fixes: Floats, width_m: float) -> Floats:
+    """
+    Stations along the shape, each where a straight line fitted to the fixes about it passes.
+
+    Local linear regression (Fan and Gijbels 1996) of the fixes' places on their way along the
+    shape; it follows the road to its ends, which a plain average would pull in.
+    """
     line = LineString(shape)
-    along = np.asarray(shapely.line_locate_point(line, shapely.points(fixes)))
     count = max(2, round(line.length / STATION_M) + 1)
     at_m = np.linspace(0.0, line.length, count)
+    points = np.asarray(shapely.points(fixes))
+    close = np.asarray(shapely.distance(line, points)) < REACH_M
+    away_m = np.asarray(shapely.line_locate_point(line, points[close])) - at_m[:, None]
+    kernel = np.exp(-0.5 * (away_m / width_m) ** 2)
+    total, lever = kernel.sum(axis=1), (kernel * away_m).sum(axis=1)
+    spread = (kernel * away_m**2).sum(axis=1)
+    determinant = total * spread - lever**2
+    weight = kernel * (spread[:, None] - lever[:, None] * away_m)
+    weight /= np.maximum(determinant, 1e-12)[:, None]
+    enough = (total > 0.5) & (determinant > 1e-6 * (total * width_m) ** 2)
     stations = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m))
-    tangent = np.gradient(stations, axis=0)
-    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
-    normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
-    nearest = np.clip(np.rint(along / line.length * (count - 1)).astype(int), 0, count - 1)
-    side_m = ((fixes - stations[nearest]) * normal[nearest]).sum(axis=1)
-    close = np.abs(side_m) < REACH_M
-    kernel = np.exp(-0.5 * ((at_m[:, None] - along[close]) / STATION_M) ** 2)
-    shift_m = (kernel @ side_m[close]) / np.maximum(kernel.sum(axis=1), 1e-9)
-    return stations + shift_m[:, None] * normal
+    return np.where(enough[:, None], weight @ fixes[close], stations)
