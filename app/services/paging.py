@@ -22,9 +22,12 @@ def after(cursor: str | None) -> str | None:
         return None
     try:
         padded = cursor + "=" * (-len(cursor) % 4)
-        return base64.b64decode(padded, altchars=b"-_", validate=True).decode()
+        found = base64.b64decode(padded, altchars=b"-_", validate=True).decode()
     except (binascii.Error, UnicodeDecodeError, ValueError):
-        raise InvalidInput([Fault("/cursor", f"{cursor!r} is no cursor of this list")]) from None
+        found = ""
+    if not found or not found.isprintable():  # PostgreSQL takes no NUL in a text
+        raise InvalidInput([Fault("/cursor", f"{cursor!r} is no cursor of this list")])
+    return found
 
 
 def bounded(limit: int) -> int:

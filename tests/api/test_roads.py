@@ -149,6 +149,7 @@ BAD_QUERIES = [
     "limit=1001",
     "limit=many",
     "cursor=%25%25",
+    "cursor=AA",
     "map_version=0",
     "map_version=99999999999999999999",
 ]

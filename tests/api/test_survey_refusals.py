@@ -84,6 +84,8 @@ REFUSALS: list[tuple[str, list[Change], set[str], str]] = [
     ("foreign reference", [put("reference_cell", "1:1")], {"/reference_cell"}, "'1:1'"),
     ("no zone", [put("recorded_at", "2021-05-08T10:12:00")], {"/recorded_at"}, "timezone"),
     ("no moment", [put("recorded_at", "yesterday")], {"/recorded_at"}, "'yesterday'"),
+    ("clock never set", [put("recorded_at", "1970-01-01T00:00:00Z")], {"/recorded_at"}, "1990"),
+    ("overflowing zone", [put("recorded_at", "0001-01-01T00:00:00+14:00")], {"/recorded_at"}, "1990"),
     ("slash in the road", [put("road_id", "a/b")], {"/road_id"}, "'a/b'"),
     ("empty road", [put("road_id", "")], {"/road_id"}, "at least 1 character"),
     ("several at once", [reading(0, 0, -200), item("time_s", 2, 0.5), item("lon", 1, 200)],

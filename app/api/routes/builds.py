@@ -14,12 +14,13 @@ from app.api.events import TERMINAL, build_events
 from app.api.openapi import problems
 from app.api.replies import reply
 from app.api.schemas.builds import BuildDocument, BuildPage, BuildRequest
+from app.api.schemas.fields import Id
 from app.api.state import EngineOf, StateOf
 from app.services.builds import dismiss_build, get_build, list_builds, request_build
 
 router = APIRouter(prefix="/v1/builds", tags=["builds"])
 
-BuildId = Annotated[str, Path(max_length=200)]
+BuildId = Annotated[Id, Path()]
 
 
 @router.post(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Header, Path, Query, Request
-from pydantic import AwareDatetime, BaseModel, Field
+from pydantic import BaseModel, Field
 from starlette.responses import Response
 
 from app.api.content import CSV, JSON, body_media_type
@@ -14,7 +14,7 @@ from app.api.csv_survey import trace_of_csv
 from app.api.documents import accepted_document, samples_document, survey_document
 from app.api.openapi import body_of, problems
 from app.api.replies import reply
-from app.api.schemas.fields import Name, RoadId
+from app.api.schemas.fields import Id, Moment, Name, RoadId
 from app.api.schemas.surveys import (
     Radio,
     SurveyAccepted,
@@ -34,7 +34,7 @@ router = APIRouter(prefix="/v1/surveys", tags=["surveys"])
 CSV_EXAMPLE = "time_s,lon,lat,cell_id,rsrp_dbm\n0.0,-118.4919,34.0136,850:293,-110.6\n"
 CSV_BODY = {CSV: {"schema": {"type": "string"}, "example": CSV_EXAMPLE}}
 
-SurveyId = Annotated[str, Path(max_length=200)]
+SurveyId = Annotated[Id, Path()]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class DescriptionQuery(BaseModel):
 
     road_id: RoadId | None = None
     device: Name | None = None
-    recorded_at: AwareDatetime | None = None
+    recorded_at: Moment | None = None
     reference_cell: Name | None = None
     radio: Radio | None = None
     build: bool = Field(default=True, description="False stores the survey and builds nothing.")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import Annotated
 
-from pydantic import ConfigDict, Field
+from pydantic import AwareDatetime, ConfigDict, Field
 
 # Strict: a number in quotes is a mistake of the sender, and guessing hides it. `NaN` and `Infinity`
 # are no JSON, but most parsers let them pass.
@@ -21,6 +22,12 @@ CellId = Annotated[
     str,
     Field(min_length=1, max_length=128, examples=["850:293", "310-410-26385408"]),
 ]
+# Beyond these a clock was never set, and databases and time zones begin to overflow.
+Moment = Annotated[
+    AwareDatetime,
+    Field(ge=datetime(1990, 1, 1, tzinfo=UTC), lt=datetime(2100, 1, 1, tzinfo=UTC)),
+]
+Id = Annotated[str, Field(max_length=MAX_NAME_CHARACTERS, pattern=NO_CONTROL_CHARACTERS)]
 RoadId = Annotated[
     str,
     Field(

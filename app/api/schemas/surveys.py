@@ -10,6 +10,7 @@ from app.api.schemas.fields import (
     NO_CONTROL_CHARACTERS,
     STRICT,
     CellId,
+    Moment,
     Name,
     Numbers,
     RoadId,
@@ -29,7 +30,7 @@ class SurveyRequest(BaseModel):
         default=None, description="The road that was driven; absent: the service finds it."
     )
     device: Name | None = Field(default=None, examples=["pixel4a"])
-    recorded_at: AwareDatetime | None = Field(
+    recorded_at: Moment | None = Field(
         default=None,
         description="When the first sample was taken, with its zone.",
         examples=["2021-05-08T10:12:00Z"],
