@@ -24,7 +24,8 @@ from app.numerics.passes import RoadPass
 from app.numerics.query import prepare
 
 WINDOW_LENGTHS_M = (30.0, 60.0, 120.0, 200.0)
-WINDOWS_PER_LENGTH = 12
+WINDOWS_PER_ROAD = 240  # enough for a road to have its say, few enough to cost it little
+WINDOWS_PER_LENGTH = (3, 12)  # of a pass, at least and at most
 NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
 SMALLEST_DENSITY = 1e-6  # one window in the wrong place must not decide alone
 MOST_FOLDS = 4
@@ -60,17 +61,19 @@ def held_out_evidence(
     """
     rows: list[list[float]] = []
     folds = _folds(passes)
+    fewest, most = WINDOWS_PER_LENGTH
+    count = min(max(WINDOWS_PER_ROAD // (len(passes) * len(WINDOW_LENGTHS_M)), fewest), most)
     if len(folds) > 1:
         for held in folds:
             others = [p for p in passes if p not in held]
             along = refit(others).profile()
             for one in held:
-                rows += _windows(one, cells, along, step_m, measured=True)
+                rows += _windows(one, cells, along, step_m, count, measured=True)
     else:
         along = surface.profile()
         for number, one in enumerate(passes[:MOST_FOLDS]):
             drawn = _redrawn(one, surface, step_m, seed=number)
-            rows += _windows(drawn, cells, along, step_m, measured=False)
+            rows += _windows(drawn, cells, along, step_m, count, measured=False)
     return np.array(rows, dtype=np.float32).reshape(-1, len(COLUMNS))
 
 
@@ -92,14 +95,20 @@ def _redrawn(one: RoadPass, surface: Surface, step_m: float, seed: int) -> RoadP
 
 
 def _windows(
-    one: RoadPass, cells: tuple[str, ...], along: Profile, step_m: float, *, measured: bool
+    one: RoadPass,
+    cells: tuple[str, ...],
+    along: Profile,
+    step_m: float,
+    count: int,
+    *,
+    measured: bool,
 ) -> list[list[float]]:
     travelled_m = one.travelled_m
     rows = []
     for length in WINDOW_LENGTHS_M:
         if travelled_m[-1] < length:
             continue
-        for end_m in np.linspace(length, travelled_m[-1], WINDOWS_PER_LENGTH)[1:]:
+        for end_m in np.linspace(length, travelled_m[-1], count + 1)[1:]:
             last = min(int(np.searchsorted(travelled_m, end_m)), len(travelled_m) - 1)
             first = int(np.searchsorted(travelled_m, travelled_m[last] - length))
             row = _one_window(one, first, last, cells, along, step_m)

@@ -18,7 +18,7 @@ from app.numerics.selection import select
 
 WINDOW_M = 30.0  # what a vehicle has in hand after a few seconds
 PLACE_STEP_M = 8.0
-STRONGEST_CELLS = 20  # a salient cell is one that is usually heard; rarer ones are not considered
+STRONGEST_CELLS = 12  # a salient cell is one that is usually heard; rarer ones are not considered
 INDEPENDENT_READINGS = 3.0  # in a window of 30 m, shadowing forgetting over some 10 m
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -40,6 +41,15 @@ class GainTable:
         self.codes = np.stack([_dense(column) for column in codes.T], axis=1)
         self.label = _dense(label)
         self._label_entropy = float(_entropies(self.label[:, None])[0])
+        self._sizes = self.codes.max(axis=0, initial=0) + 1
+
+    @cached_property
+    def _tails(self) -> list[Int[np.ndarray, " rows"]]:
+        """Joint value of each feature and all later ones; the last is that of none."""
+        tails = [np.zeros(len(self.label), dtype=np.int64)]
+        for column, size in zip(self.codes.T[::-1], self._sizes[::-1].tolist(), strict=True):
+            tails.append(_dense(tails[-1] * size + column))
+        return tails[::-1]
 
     @property
     def count(self) -> int:
@@ -50,17 +60,24 @@ class GainTable:
         """One number for each distinct combination of the features' values."""
         key = np.zeros(len(self.label), dtype=np.int64)
         for feature in features:
-            key = _dense(key * (int(self.codes[:, feature].max()) + 1) + self.codes[:, feature])
+            key = _dense(key * int(self._sizes[feature]) + self.codes[:, feature])
         return key
 
     def gain_bits(self, features: tuple[int, ...]) -> float:
         """I(label; features) = H(label) + H(features) - H(label, features), in bits."""
         return float(self._gains(self.joint(features)[:, None])[0])
 
-    def gains_with_each(self, features: tuple[int, ...]) -> Float[np.ndarray, " features"]:
-        """Gain of the subset with each single feature added."""
-        size = self.codes.max(axis=0) + 1
-        return self._gains(self.joint(features)[:, None] * size + self.codes)
+    def gains_with_each(
+        self, features: tuple[int, ...], first: int = 0
+    ) -> Float[np.ndarray, " features"]:
+        """Gain of the subset with each single feature from ``first`` on added."""
+        later = self.codes[:, first:]
+        return self._gains(self.joint(features)[:, None] * self._sizes[first:] + later)
+
+    def gain_with_all_from(self, features: tuple[int, ...], first: int) -> float:
+        """Gain of the subset with feature ``first`` and all later ones added, in bits."""
+        tail = self._tails[first]
+        return float(self._gains((self.joint(features) * (int(tail.max()) + 1) + tail)[:, None])[0])
 
     def _gains(self, keys: Int[np.ndarray, "rows sets"]) -> Float[np.ndarray, " sets"]:
         both = keys * (int(self.label.max()) + 1) + self.label[:, None]
@@ -120,10 +137,13 @@ def branch_and_bound(table: GainTable, target_bits: float, nodes: int) -> tuple[
             later = range(partial[-1] + 1 if partial else 0, table.count)
             if len(partial) == size:
                 found.append(partial)
+            elif not later:
+                continue
             elif len(partial) + 1 == size:
-                gains = table.gains_with_each(partial)
-                found += [(*partial, j) for j in later if gains[j] >= target_bits]
-            elif table.gain_bits((*partial, *later)) >= target_bits:
+                gains = table.gains_with_each(partial, later.start)
+                enough = np.flatnonzero(gains >= target_bits) + later.start
+                found += [(*partial, j) for j in enough.tolist()]
+            elif table.gain_with_all_from(partial, later.start) >= target_bits:
                 stack += [(*partial, j) for j in later]
         best = _best(table, iter(sorted(found)), target_bits)
         if best is not None:
