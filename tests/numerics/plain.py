@@ -1,0 +1,149 @@
+"""
+The likelihood in plain loops: one place, one sample, one cell, one offset at a time.
+
+Written from `docs`' and the module's words, not from its arrays: nothing here is shared with
+`app.numerics` but the constants.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from app.domain import RoadModel, Window
+from app.numerics.observation import (
+    BACKGROUND_SPAN_DB,
+    BROAD_OFFSET_SD_DB,
+    BROAD_OFFSET_SHARE,
+    CORRELATION_M,
+    HEARD_FLOOR,
+    HEARING_WEIGHT,
+    OUTSIDE_HEARD,
+)
+
+OFFSETS_DB = np.arange(-60.0, 60.01, 0.05)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a vehicle heard on one metre: level and share of samples that heard, per cell."""
+
+    behind_m: float
+    level_dbm: dict[str, float]
+    share: dict[str, float]
+
+
+def readings(window: Window, known: set[str]) -> list[Reading]:
+    """The window metre by metre, newest first, the cells of the map only."""
+    metres: list[list[int]] = []
+    behind_m = window.distance_m[-1] - window.distance_m
+    for sample in reversed(range(len(behind_m))):
+        metre = np.rint(behind_m[sample])
+        if metres and np.rint(behind_m[metres[-1][0]]) == metre:
+            metres[-1].append(sample)
+        else:
+            metres.append([sample])
+    found = []
+    for samples in metres:
+        level_dbm, share = {}, {}
+        for column, cell in enumerate(window.cells):
+            heard = [window.rsrp_dbm[s, column] for s in samples]
+            heard = [x for x in heard if not math.isnan(x)]
+            if heard and cell in known:
+                level_dbm[cell] = sum(heard) / len(heard)
+                share[cell] = len(heard) / len(samples)
+        found.append(Reading(sum(behind_m[s] for s in samples) / len(samples), level_dbm, share))
+    return found
+
+
+def weights(found: list[Reading]) -> list[float]:
+    """How much each counts: its share of the correlation length, at most 1."""
+    if len(found) == 1:
+        return [1.0]
+    at_m = [one.behind_m for one in found]
+    gaps_m = [b - a for a, b in pairwise(at_m)]
+    either = [
+        (gaps_m[max(i - 1, 0)] + gaps_m[min(i, len(gaps_m) - 1)]) / 2 for i in range(len(at_m))
+    ]
+    return [min(one / CORRELATION_M, 1.0) for one in either]
+
+
+def log_likelihood(
+    model: RoadModel, found: list[Reading], place: int, sign: int, offset_db: float
+) -> float:
+    """Of a window that ends at a grid position, less that of the background."""
+    total = 0.0
+    for one, weight in zip(found, weights(found), strict=True):
+        at = place - sign * int(np.rint(one.behind_m / model.step_m))
+        for cell, share in one.share.items():
+            if cell not in model.cells:
+                odds = math.log(HEARD_FLOOR / (1.0 - HEARD_FLOOR))
+                total += HEARING_WEIGHT * weight * share * odds
+            if not 0 <= at < len(model.mean_dbm):
+                total += HEARING_WEIGHT * weight * share * math.log(OUTSIDE_HEARD)
+        if 0 <= at < len(model.mean_dbm):
+            total += weight * _one_place(model, one, at, offset_db)
+    return total
+
+
+def _one_place(model: RoadModel, one: Reading, at: int, offset_db: float) -> float:
+    total = 0.0
+    for column, cell in enumerate(model.cells):
+        mean, spread = float(model.mean_dbm[at, column]), float(model.spread_db[at, column])
+        mapped, share = not math.isnan(mean), one.share.get(cell, 0.0)
+        chance = float(model.heard[at, column]) if mapped else 0.0
+        chance = min(max(chance, HEARD_FLOOR), 1.0 - HEARD_FLOOR)
+        if mapped:
+            total += HEARING_WEIGHT * math.log(1.0 - chance)
+        if share > 0.0:
+            total += HEARING_WEIGHT * share * math.log(chance / (1.0 - chance))
+        if share > 0.0 and mapped:
+            z = (one.level_dbm[cell] - mean - offset_db) / spread
+            density = -0.5 * z * z - math.log(spread * math.sqrt(2.0 * math.pi))
+            total += share * (density - math.log(1.0 / BACKGROUND_SPAN_DB))
+    return total
+
+
+def offset_prior(offset_sd_db: float) -> np.ndarray:
+    """Density of the device's offset at `OFFSETS_DB`."""
+    broad_db = max(BROAD_OFFSET_SD_DB, offset_sd_db)
+    parts = ((offset_sd_db, 1.0 - BROAD_OFFSET_SHARE), (broad_db, BROAD_OFFSET_SHARE))
+    return sum(
+        share * np.exp(-0.5 * (OFFSETS_DB / sd) ** 2) / (sd * math.sqrt(2.0 * math.pi))
+        for sd, share in parts
+    )
+
+
+def marginal(
+    model: RoadModel, found: list[Reading], place: int, sign: int, offset_sd_db: float
+) -> tuple[float, float]:
+    """Log likelihood with the offset integrated out numerically, and the offset's mean."""
+    at = {b: log_likelihood(model, found, place, sign, b) for b in (-1.0, 0.0, 1.0)}
+    slope, bend = (at[1.0] - at[-1.0]) / 2.0, at[1.0] + at[-1.0] - 2.0 * at[0.0]
+    log = at[0.0] + slope * OFFSETS_DB + 0.5 * bend * OFFSETS_DB**2  # a sum of squares in b
+    mass = np.exp(log - log.max()) * offset_prior(offset_sd_db)
+    step_db = OFFSETS_DB[1] - OFFSETS_DB[0]
+    mean_db = float((mass * OFFSETS_DB).sum() / mass.sum())
+    return float(np.log(mass.sum() * step_db) + log.max()), mean_db
+
+
+def posterior(
+    models: tuple[RoadModel, ...], window: Window, offset_sd_db: float, temperature: float
+) -> Counter[tuple[str, int, int]]:
+    """Probability of every road, direction and grid position, uniform per metre beforehand."""
+    known = {cell for model in models for cell in model.cells}
+    found = readings(window, known)
+    score = {
+        (model.road_id, sign, place): marginal(model, found, place, sign, offset_sd_db)[0]
+        for model in models
+        for sign in (1, -1)
+        for place in range(len(model.mean_dbm))
+    }
+    best = max(score.values())
+    mass = {where: math.exp((one - best) / temperature) for where, one in score.items()}
+    total = sum(mass.values())
+    return Counter({where: one / total for where, one in mass.items()})

@@ -1,0 +1,61 @@
+"""Small maps of made-up numbers, and windows drawn along them: for twins in plain loops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from app.domain import Calibration, RadioMap, RoadModel, Window
+from app.numerics.index import MapIndex
+from tests.factories import line_at, model_of
+
+
+def tiny_models(seed: int, *, length_m: float = 60.0, step_m: float = 1.0) -> tuple[RoadModel, ...]:
+    """Three parallel roads that share some cells; a quarter of each road lacks its first cell."""
+    cells = (("a", "b", "c"), ("b", "c", "d"), ("a", "e"))
+    made = (
+        model_of(
+            f"road-{i}",
+            seed=seed + i,
+            line=line_at(40.0 * i, length_m=length_m),
+            cells=names,
+            step_m=step_m,
+        )
+        for i, names in enumerate(cells)
+    )
+    return tuple(made)
+
+
+def map_of(models: tuple[RoadModel, ...], calibration: Calibration | None = None) -> MapIndex:
+    return MapIndex.build(RadioMap(3, models, calibration or Calibration()))
+
+
+def window_along(
+    model: RoadModel, seed: int, *, samples: int = 9, sign: int = 1, extra: tuple[str, ...] = ()
+) -> Window:
+    """Readings 3 dB about a model's curves at irregular distances, some missing, cells shuffled."""
+    rng = np.random.default_rng(seed)
+    distance_m = np.sort(rng.uniform(0.0, 25.0, samples))
+    size = len(model.mean_dbm)
+    end = rng.uniform(0.5, 0.95) if sign > 0 else rng.uniform(0.05, 0.5)
+    at = end * size - sign * (distance_m[-1] - distance_m) / model.step_m
+    rows = np.clip(np.rint(at).astype(int), 0, size - 1)
+    level_dbm = model.mean_dbm[rows] + rng.normal(0.0, 3.0, (samples, len(model.cells)))
+    level_dbm = np.column_stack([level_dbm, rng.uniform(-110, -80, (samples, len(extra)))])
+    level_dbm[rng.random(level_dbm.shape) < 0.2] = np.nan
+    level_dbm[0, 0] = -90.0
+    cells = (*model.cells, *extra)
+    order = rng.permutation(len(cells))
+    return Window(tuple(cells[i] for i in order), distance_m, level_dbm[:, order])
+
+
+def sharp(model: RoadModel) -> RoadModel:
+    """The model with steady levels, spread and hearing between its places: straight pieces."""
+    level_dbm = np.asarray(model.mean_dbm, dtype=float)
+    return replace(
+        model,
+        mean_dbm=np.nan_to_num(level_dbm, nan=-100.0).astype(np.float32),
+        spread_db=np.full_like(model.spread_db, 2.0),
+        heard=np.full_like(model.heard, 0.9),
+    )
