@@ -49,8 +49,8 @@ bench: install ## what each thing costs, beside its floor
 		$(BIN)/python -m "benchmarks.$$(basename "$$each" .py)" $(ARGS) || exit 1; \
 	done
 
-evaluate: install ## the promised accuracy, on the paper's area and on real drives, over HTTP
-	$(BIN)/pytest tests/end_to_end/test_paper_area.py tests/end_to_end/test_real_streets.py $(ARGS)
+evaluate: install ## a short run of the laboratory: every method on the paper's area, into results/short
+	$(BIN)/roadprint evaluate --scenario paper --experiments cells,cdf,reliability --seeds 1 --windows 60 --out results/short $(ARGS)
 
 openapi: install ## openapi/openapi.json from the code
 	$(BIN)/roadprint openapi --out openapi/openapi.json

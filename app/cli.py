@@ -23,6 +23,7 @@ COMMANDS: dict[str, str] = {
     "build": "app.commands.build",
     "locate": "app.commands.locate",
     "simulate": "app.commands.simulate",
+    "evaluate": "app.commands.evaluate",
     "openapi": "app.commands.openapi",
 }
 """Subcommand -> the module whose function of that name it runs. Add a line to add a subcommand."""

@@ -1,8 +1,8 @@
 """
 How well any unbiased method could do: the Cramer-Rao bound of the position along the road.
 
-A window's readings are ``z[j,k] = mu_k(s + sign d_j) + n``, with the true RSRP ``mu_k`` known, the
-distances ``d_j`` travelled known and Gaussian noise of variance ``sigma^2``; rounding to steps q adds
+A window's readings are ``z[j,k] = mu_k(s + sign d_j) + n``: the true RSRP ``mu_k`` and travelled
+distances ``d_j`` are known, the noise is Gaussian of variance ``sigma^2``. Rounding to steps q adds
 ``q^2 / 12`` (Widrow and Kollar, *Quantization Noise*, 2008, chapter 4). The information about s is
 
     I(s) = sum over j, k of (d mu_k / d s)^2 / (sigma^2 + q^2 / 12),    Var(s) >= 1 / I(s)

@@ -1,9 +1,9 @@
 """
 The experiments as points, and the settings that have to be run for them.
 
-A point is one place on the axis of one figure. A setting is what is built and asked once: a city (or
-a data set), its survey, all methods fitted. Points of different figures that need the same setting
-share it.
+A point is one place on the axis of one figure. A setting is what is built and asked once: a city
+(or a data set), its survey, all methods fitted. Points of different figures that need the same
+setting share it.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from app.evaluation.scenario import Scenario, preset
 from app.evaluation.tours import PROTOCOLS, Protocol
@@ -21,7 +22,10 @@ REAL_WINDOWS_M = (50.0, 100.0, 200.0, 400.0)
 REAL_GRID_M = 2.0  # the paper's, for its own drives
 CITY_SIZES = (4, 16, 64, 256)
 CITY_WINDOWS = 100
-MAP_METHODS = ("exhaustive", "roadprint")  # the others cannot be fitted to hundreds of roads in time
+MAP_METHODS = (
+    "exhaustive",
+    "roadprint",
+)  # the others cannot be fitted to hundreds of roads in time
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -86,11 +90,11 @@ class Ask:
     methods: tuple[str, ...]
     windows: int
 
-    def setting(self, seed: int, grid_m: float = 1.0, **changes: object) -> Setting:
+    def setting(self, seed: int, grid_m: float = 1.0, **changes: Any) -> Setting:
         """The base setting with changes of the scenario."""
         scenario = None
         if self.scenario is not None:
-            scenario = replace(preset(self.scenario), **changes)  # type: ignore[arg-type]
+            scenario = replace(preset(self.scenario), **changes)
         return Setting(scenario, self.data, seed, grid_m, self.methods, self.windows)
 
 
@@ -132,7 +136,7 @@ def _noise(ask: Ask, seed: int) -> Iterator[Point]:
 
 def _impairments(ask: Ask, seed: int) -> Iterator[Point]:
     harsh = preset("harsh")
-    changes: dict[str, dict[str, object]] = {
+    changes: dict[str, dict[str, Any]] = {
         "none": {},
         "1 Hz": {"sample_interval_s": harsh.sample_interval_s},
         "3 dB noise": {"noise_db": harsh.noise_db},

@@ -160,9 +160,7 @@ def _ask_all(
     return rows
 
 
-def _common(
-    job: Job, case: Case, number: int, asked: Asked, city: City | None
-) -> dict[str, Any]:
+def _common(job: Job, case: Case, number: int, asked: Asked, city: City | None) -> dict[str, Any]:
     truth, bound_m = asked.truth, None
     if city is not None:
         sd_m = least_sd_m(city.by_id[truth.road_id], asked.chainage_m, city.scenario)
@@ -202,7 +200,7 @@ def _fix(model: Model, asked: Asked, estimate: Estimate) -> dict[str, Any]:
     direction_right = None
     if estimate.direction is not None:
         direction_right = estimate.located and estimate.direction == truth.direction
-    sure = isinstance(model, Confident)
+    sure = model if isinstance(model, Confident) else None
     return {
         "road": estimate.road_id,
         "chainage_m": estimate.chainage_m,
@@ -215,8 +213,8 @@ def _fix(model: Model, asked: Asked, estimate: Estimate) -> dict[str, Any]:
         "direction_right": direction_right,
         "posterior": estimate.posterior,
         "segment_right": segment_right,
-        "radius68_m": model.radius_m(asked.window, 0.68) if sure else None,
-        "radius95_m": model.radius_m(asked.window, 0.95) if sure else None,
+        "radius68_m": None if sure is None else sure.radius_m(asked.window, 0.68),
+        "radius95_m": None if sure is None else sure.radius_m(asked.window, 0.95),
     }
 
 

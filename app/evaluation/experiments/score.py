@@ -37,7 +37,9 @@ def score_points(points: Sequence[Point], keys: dict[Job, str], fixes: pa.Table)
     parts = _by_case(fixes)
     rows = []
     for (experiment, x, label, protocol, window_m), wanted in groups.items():
-        tables = [parts[key, protocol, window_m] for key in wanted if (key, protocol, window_m) in parts]
+        tables = [
+            parts[key, protocol, window_m] for key in wanted if (key, protocol, window_m) in parts
+        ]
         if not tables:
             continue
         table = pa.concat_tables(tables)

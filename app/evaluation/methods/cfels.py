@@ -3,9 +3,9 @@
 
 Source: B. Wang, S. Zhou, W. Liu, Y. Mo, "Indoor localization based on curve fitting and location
 search using received signal strength", IEEE Transactions on Industrial Electronics 62(1), 2015. A
-polynomial turns the RSRP of each cell into a distance to it, one polynomial a sub-area; the answer
-is the place, among all in steps of 0.1 m, whose true distances to the cells differ least from those,
-in the sum of squares.
+polynomial turns the RSRP of each cell into a distance to it, one polynomial a sub-area. Among all
+places in steps of 0.1 m the answer is the one whose true distances to the cells differ least from
+those, in the sum of squares.
 
 What the sources leave open: sub-areas are stretches of road of ``area_m`` (50, 100, 200, the whole
 road), the polynomial's degree is 1 to 3, and readings are averaged over the last ``average_m`` (0,
@@ -125,7 +125,9 @@ class CurveSearch:
         return Estimate(road_id, chainage_m, float(where.lon), float(where.lat))
 
 
-def _squared_error_m2(area: Area, level: Floats, heard: int) -> Floats | None:
+def _squared_error_m2(
+    area: Area, level: Floats, heard: int
+) -> Float32[np.ndarray, " places"] | None:
     """
     Sum over cells of the squared distance error at each place; None where no cell can be judged.
 

@@ -33,8 +33,8 @@ from app.numerics.geodesy import Floats
 
 name = "gift"
 
-PARTICLES_A_METRE = 0.75
-PARTICLES = (1500, 8000)  # fewest and most
+PARTICLES_A_METRE = 1.5
+PARTICLES = (1500, 12000)  # fewest and most
 SPREAD_M, SPREAD_SHARE = 0.3, 0.03
 PEAK_M = 15.0
 PEAK_BIN_M = 5.0

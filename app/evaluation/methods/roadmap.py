@@ -32,7 +32,7 @@ def build_index(survey: Survey) -> MapIndex:
     return MapIndex.build(RadioMap(1, tuple(models), calibrate(models)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class MapModel:
     """A map index behind one of the two ways to ask it."""
 
@@ -54,7 +54,3 @@ class MapModel:
             not fix.off_map,
             fix,
         )
-
-    def radius_m(self, window: Window, confidence: float) -> float:
-        """The radius the service reports at this confidence."""
-        return self.ask(self.index, window, confidence=confidence).accuracy_m

@@ -16,7 +16,7 @@ from app.numerics.geodesy import distance_m
 
 P = TypeVar("P")
 
-TUNING_WINDOWS = 16  # under each protocol
+TUNING_WINDOWS = 24  # under each protocol
 FARTHEST_M = 150.0  # a miss counts no more: one lost drive must not choose the parameters
 
 
