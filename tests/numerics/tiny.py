@@ -24,7 +24,8 @@ def tiny_models(seed: int, *, length_m: float = 60.0, step_m: float = 1.0) -> tu
         )
         for i, names in enumerate(cells)
     )
-    return tuple(made)
+    # A fitted road's grid reaches its end; the made-up one stops at its last whole step.
+    return tuple(replace(one, length_m=(len(one.mean_dbm) - 1) * step_m) for one in made)
 
 
 def map_of(models: tuple[RoadModel, ...], calibration: Calibration | None = None) -> MapIndex:
@@ -50,12 +51,14 @@ def window_along(
     return Window(tuple(cells[i] for i in order), distance_m, level_dbm[:, order])
 
 
-def sharp(model: RoadModel) -> RoadModel:
-    """The model with steady levels, spread and hearing between its places: straight pieces."""
-    level_dbm = np.asarray(model.mean_dbm, dtype=float)
-    return replace(
-        model,
-        mean_dbm=np.nan_to_num(level_dbm, nan=-100.0).astype(np.float32),
-        spread_db=np.full_like(model.spread_db, 2.0),
-        heard=np.full_like(model.heard, 0.9),
-    )
+def gentle_models(seed: int) -> tuple[RoadModel, ...]:
+    """Tiny roads with curves like fitted ones: slopes hold for 5 m, spread and hearing are even."""
+    rng = np.random.default_rng(seed)
+    models = []
+    for model in tiny_models(seed):
+        size, cells = model.mean_dbm.shape
+        slope = np.repeat(rng.normal(0.0, 0.6, (size // 5 + 1, cells)), 5, axis=0)[:size]
+        levels_dbm = (-90.0 + np.cumsum(slope, axis=0)).astype(np.float32)
+        spread_db, heard = np.full_like(levels_dbm, 2.0), np.full_like(levels_dbm, 0.9)
+        models.append(replace(model, mean_dbm=levels_dbm, spread_db=spread_db, heard=heard))
+    return tuple(models)
