@@ -41,6 +41,16 @@ class MapHolder:
             self.version = version
             return True
 
+    def keep_word(self, engine: Engine, told_version: int | None) -> None:
+        """
+        Serve no older map than one that a client was just told of.
+
+        Whoever learns that a build has finished asks for a fix at once; without this he would be
+        answered by the map before it until the next poll.
+        """
+        if told_version is not None and (self.version is None or self.version < told_version):
+            self.refresh(engine)
+
     def poll(self, engine: Engine, interval_s: float, stop: threading.Event) -> None:
         """Refresh every ``interval_s`` seconds until ``stop`` is set; for a daemon thread."""
         while not stop.wait(interval_s):

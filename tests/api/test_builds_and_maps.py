@@ -5,12 +5,23 @@ from __future__ import annotations
 import json
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from app.api.schemas.builds import BuildDocument, BuildPage, MapDocument, MapList
-from tests.api.conftest import Service, assert_problem, survey_json, window_json
+from app.domain import Calibration
+from app.services import roadwork
+from app.services.builds import request_build
+from tests.api.conftest import (
+    Service,
+    assert_problem,
+    made_up_model,
+    serving,
+    survey_json,
+    window_json,
+)
 from tests.factories import line_at, trace_along
 
 
@@ -168,3 +179,28 @@ def test_a_new_map_is_served_without_being_asked(service: Service):
     version = service.build()
     service.wait_for_map(version)
     assert service.client.post("/v1/locate", json=window_json()).json()["map_version"] == version
+
+
+@pytest.mark.parametrize("told_by", ["build", "events", "active"])
+def test_whoever_is_told_of_a_map_is_served_by_it(tmp_path: Path, told_by: str):
+    """A fix right after a build's end comes from its map, however seldom maps are polled."""
+    with serving(tmp_path, map_poll_interval_s=600.0) as service:
+        post_road(service, "r")
+        build = request_build(service.engine, None)
+        work_quietly(service, build.id)
+        if told_by == "events":
+            assert events(service, build.id)[0][-1]["status"] == "successful"
+        else:
+            path = {"build": f"/v1/builds/{build.id}", "active": "/v1/maps/active"}[told_by]
+            service.client.get(path).raise_for_status()
+        answer = service.client.post("/v1/locate", json=window_json())
+        assert answer.status_code == 200, answer.text
+        assert answer.json()["map_version"] == 1
+
+
+def work_quietly(service: Service, build_id: str) -> None:
+    """Do a build without asking the service for anything."""
+    count = roadwork.begin_build(service.engine, build_id)
+    for road_id in roadwork.waiting_roads(service.engine, build_id, 0, count):
+        roadwork.build_road(service.engine, made_up_model, build_id, road_id)
+    roadwork.publish(service.engine, lambda _models: Calibration(), build_id)

@@ -49,9 +49,11 @@ def get_builds(
 
 
 @router.get("/{build_id}", response_model=BuildDocument, responses=problems(404))
-def get_one_build(build_id: BuildId, engine: EngineOf) -> Response:
-    """A build as it stands."""
-    return reply(build_document(get_build(engine, build_id)))
+def get_one_build(build_id: BuildId, state: StateOf) -> Response:
+    """A build as it stands; when it has made the active map, that map is served already."""
+    build = get_build(state["engine"], build_id)
+    state["maps"].keep_word(state["engine"], build.map_version)
+    return reply(build_document(build))
 
 
 @router.delete("/{build_id}", response_model=BuildDocument, responses=problems(404))
@@ -83,7 +85,7 @@ async def get_events(
     if last_event_id == build.status and build.status in TERMINAL:
         return Response(status_code=204)
     return StreamingResponse(
-        build_events(state["engine"], build, state["limits"]),
+        build_events(state, build),
         media_type="text/event-stream",
         headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
     )

@@ -27,11 +27,13 @@ def get_maps(request: Request, engine: EngineOf) -> Response:
 
 
 @router.get("/active", response_model=MapDocument, responses=problems(503))
-def get_active_map(request: Request, engine: EngineOf) -> Response:
+def get_active_map(request: Request, state: StateOf) -> Response:
     """The map version that is served."""
+    engine = state["engine"]
     version = active_version(engine)
     if version is None:
         raise NoMap
+    state["maps"].keep_word(engine, version)
     return unless_same(request, f"map-{version}", map_document(get_map(engine, version)))
 
 
