@@ -11,8 +11,8 @@ from jaxtyping import Float
 from app.domain import Candidate, Direction, Fix
 from app.numerics.index import MapIndex, Spot
 from app.numerics.observation import offset_db
-from app.numerics.offmap import off_map_probability
-from app.numerics.posterior import RESIDUAL, WEIGHT, Places, masses, radius_m
+from app.numerics.offmap import fit_per_reading, off_map_probability
+from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, Places, masses, radius_m
 from app.numerics.query import Query
 
 PEAK_M = 15.0  # the position is the mean of the posterior this far about its peak
@@ -27,7 +27,7 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
     peak on that road, in one direction; the sub-segment is the one that holds it.
     """
     mass = masses(places, index.calibration.temperature)
-    off_map = off_map_probability(index.calibration, float(places.score.max()), query.fine)
+    off_map = off_map_probability(index.calibration, fit_at_best(index, query, places))
     number, road_mass = _best_road(index, places, mass)
     density = mass / places.width_m
     peak = int((density * (places.road == number)).argmax())
@@ -71,6 +71,15 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
         cells_unknown=query.unknown,
         candidates=candidates,
     )
+
+
+def fit_at_best(index: MapIndex, query: Query, places: Places) -> float | None:
+    """How well the window fits where it fits best; None when the map knows none of its cells."""
+    if not query.cells:
+        return None
+    best = int(places.score.argmax())
+    score, residual, weight = places.values[SCORE:, best].tolist()
+    return fit_per_reading(score, residual, weight, index.offset_prior, query.fine)
 
 
 @dataclass(frozen=True, slots=True)

@@ -135,8 +135,12 @@ def _one_window(
     near = np.concatenate([np.abs(grid * step_m - one.chainage_m[last]) <= NEAR_TRUTH_M, grid < 0])
     truth = int(np.argmax(np.where(near, score, -np.inf)))
     weight = float(channels[0][2, truth])
+    peak = int(np.argmax(score))
+    residual_there, weight_there = np.concatenate([c[1:] for c in channels], axis=1)[:, peak]
     return [
-        fit_per_reading(float(score.max()), query.fine),
+        fit_per_reading(
+            float(score[peak]), float(residual_there), float(weight_there), prior, query.fine
+        ),
         float(channels[0][1, truth]) / max(weight, 1e-6),
         1.0 / max(weight, 1e-6),
         0.0,

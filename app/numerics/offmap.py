@@ -1,29 +1,49 @@
-"""Whether a window comes from the map's roads at all."""
+"""
+Whether a window comes from the map's roads at all.
+
+A logistic curve of how well it fits there, learnt from windows that are on the map and windows that
+the map cannot know, see `app.numerics.calibration`.
+"""
 
 from __future__ import annotations
 
 import math
 
 from app.domain import Calibration
-from app.numerics.observation import Evidence
+from app.numerics.observation import Evidence, OffsetPrior
 
 OFF_MAP_PRIOR = 0.05  # before a map has learnt anything, one window in twenty is from elsewhere
 
 
-def fit_per_reading(best_score: float, seen: Evidence) -> float:
-    """Best score over the number of independent readings: how well a window fits the map at all."""
+def fit_per_reading(
+    score: float, residual: float, weight: float, prior: OffsetPrior, seen: Evidence
+) -> float:
+    """
+    Score of the best place per independent reading: how well a window fits the map at all.
+
+    The device may have any offset here, at no cost: an unusual device is no stranger to the road.
+
+    Args:
+        score, residual, weight: Of the best place.
+    """
     readings = float((seen.weight @ seen.heard).sum())
-    return best_score / max(readings, 1e-6)
+    broad = 1.0 + weight * prior.any_db2
+    like = 1.0 + weight * prior.like_db2
+    first = 0.5 * residual**2 * prior.like_db2 / like - 0.5 * math.log(like) + prior.like_log
+    second = 0.5 * residual**2 * prior.any_db2 / broad - 0.5 * math.log(broad) + prior.any_log
+    gain = max(first, second) + math.log1p(math.exp(-abs(first - second)))
+    free = 0.5 * residual**2 / max(weight, 1e-6)
+    return (score - gain + free) / max(readings, 1e-6)
 
 
-def off_map_probability(calibration: Calibration, best_score: float, seen: Evidence) -> float:
+def off_map_probability(calibration: Calibration, fit: float | None) -> float:
     """
     Probability that the window comes from a road that the map lacks.
 
-    A logistic curve of the fit per reading; a window with no cell that the map knows is off it.
+    Args:
+        fit: From `fit_per_reading`; None for a window that heard no cell of the map.
     """
-    if seen.heard.shape[1] == 0:
+    if fit is None:
         return 1.0 - 1e-6
-    fit = fit_per_reading(best_score, seen)
     log_odds_on = calibration.off_map_intercept + calibration.off_map_slope * fit
     return 1.0 / (1.0 + math.exp(min(max(log_odds_on, -30.0), 30.0)))

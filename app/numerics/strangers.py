@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from app.domain import RoadModel, Window
+from app.numerics.answer import fit_at_best
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, shortlist
-from app.numerics.offmap import fit_per_reading
 from app.numerics.query import ask
 
 COUNT = 160
@@ -32,10 +32,10 @@ def stranger_fits(index: MapIndex, models: Sequence[RoadModel]) -> Float[np.ndar
         alone = len(models) == 1
         window = _drawn(models[number], rng, exchanged=alone)
         query = ask(index, window)
-        if len(query.cells) == 0:
-            continue
         places = fine_places(index, query, shortlist(index, query, None if alone else number))
-        fits.append(fit_per_reading(float(places.score.max()), query.fine))
+        fit = fit_at_best(index, query, places)
+        if fit is not None:
+            fits.append(fit)
     return np.array(fits)
 
 
