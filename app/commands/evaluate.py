@@ -113,7 +113,7 @@ def _names(given: str, known: tuple[str, ...], noun: str) -> tuple[str, ...]:
     wanted = tuple(name.strip() for name in given.split(",") if name.strip())
     unknown = [name for name in wanted if name not in known]
     if unknown or not wanted:
-        _refuse(f"no {noun} {', '.join(unknown) or given!r} here: there are {', '.join(known)}")
+        _refuse(f"no {noun} {', '.join(unknown) or 'named'} here: there are {', '.join(known)}")
     return tuple(name for name in known if name in wanted)
 
 

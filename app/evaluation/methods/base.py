@@ -80,6 +80,7 @@ class Previous:
     since_m: float
 
 
+@runtime_checkable
 class Model(Protocol):
     """A method that has learnt."""
 
@@ -97,6 +98,7 @@ class Confident(Protocol):
         ...
 
 
+@runtime_checkable
 class Method(Protocol):
     """A named way to locate; ``parameters`` of a model say what was chosen."""
 

@@ -12,7 +12,7 @@ coordinate on the fitted curves.
 What the paper leaves open, and what is done here:
 
 - When bottom-up stops. ``cuts_per_100_m`` (1, 2, 4) is chosen on held-out survey windows.
-- Gradients of readings 1 m apart are noise: readings may first be averaged over ``smooth_m`` (0, 9).
+- Gradients of readings 1 m apart are noise: readings may be averaged over ``smooth_m`` (0, 9).
 - The entropies' probabilities. The road (or sub-segment) is the label; the features of the stretch
   of ``window_m`` about every fourth metre are cut into four classes of equal size. As gain never
   falls when a feature is added, the smallest set within 0.02 bit of the full gain is taken: of

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from app.domain import Direction, Window
 from app.evaluation.methods.base import Estimate, Previous, Survey
@@ -69,14 +69,15 @@ class Rwknn:
     def __init__(self, points: References, parameters: Parameters) -> None:
         self.parameters = parameters
         self._points = points
-        self._levels = points.filled_db().astype(np.float32)
+        self._levels = points.filled_db()
         self._norm = (self._levels**2).sum(axis=1)
 
     def locate(self, window: Window, previous: Previous | None) -> Estimate:
         """Walk the window from the previous fix, or from the best of all points."""
         distance_m = window.distance_m
         samples = np.unique(np.linspace(0, len(distance_m) - 1, MOST_STEPS).astype(int))
-        squared = self._squared_db2(window, samples)
+        readings = self._readings_db(window, samples)
+        squared = self._squared_db2(readings)
         fixes: list[_Fix] = []
         known = previous.estimate.memory if previous is not None else None
         last = known if isinstance(known, _Fix) else None
@@ -84,21 +85,26 @@ class Rwknn:
         for step, sample in enumerate(samples):
             if step:
                 way_m = distance_m[sample] - distance_m[samples[step - 1]]
-            last = self._fix(squared[step], last, abs(way_m))
+            chosen = self._nearest(squared[step], last, abs(way_m))
+            last = self._mean_of(chosen, readings[step])
             fixes.append(last)
         return self._tell(fixes)
 
-    def _squared_db2(
-        self, window: Window, samples: np.ndarray
-    ) -> Float[np.ndarray, "steps points"]:
+    def _readings_db(
+        self, window: Window, samples: Int[np.ndarray, " steps"]
+    ) -> Float[np.ndarray, "steps cells"]:
         columns = self._points.columns(window)
         mean = recent_mean_dbm(columns, window.distance_m, self.parameters.average_m)[samples]
-        filled = np.where(np.isnan(mean), self._points.floor_dbm, mean) - CENTRE_DBM
-        readings = filled.astype(np.float32)
+        return np.where(np.isnan(mean), self._points.floor_dbm, mean) - CENTRE_DBM
+
+    def _squared_db2(
+        self, readings: Float[np.ndarray, "steps cells"]
+    ) -> Float[np.ndarray, "steps points"]:
         cross = readings @ self._levels.T
         return np.maximum(self._norm - 2.0 * cross + (readings**2).sum(axis=1)[:, None], 0.0)
 
-    def _fix(self, squared_db2: Floats, last: _Fix | None, way_m: float) -> _Fix:
+    def _nearest(self, squared_db2: Floats, last: _Fix | None, way_m: float) -> np.ndarray:
+        """The nearest points that can be reached; of all where none fits well."""
         points = self._points
         if last is not None:
             reach_m = way_m + self.parameters.slack_m
@@ -108,12 +114,14 @@ class Rwknn:
                 inside = squared_db2[near]
                 given_up = self.parameters.restart**2 * (squared_db2.min() + LEAST_DB2)
                 if inside.min() <= given_up:
-                    return self._mean_of(near[_smallest(inside)], squared_db2)
-        return self._mean_of(_smallest(squared_db2), squared_db2)
+                    return np.asarray(near[_smallest(inside)])
+        return _smallest(squared_db2)
 
-    def _mean_of(self, chosen: np.ndarray, squared_db2: Floats) -> _Fix:
+    def _mean_of(self, chosen: np.ndarray, reading: Float[np.ndarray, " cells"]) -> _Fix:
         points = self._points
-        weight = 1.0 / (np.sqrt(squared_db2[chosen].astype(float)) + 1e-3)
+        # Anew from the differences: the products above lose the digits of a near match.
+        distance_db = np.sqrt(((self._levels[chosen] - reading) ** 2).sum(axis=1))
+        weight = 1.0 / (distance_db + 1e-3)
         weight /= weight.sum()
         road = int(points.road[chosen[np.argmax(weight)]])
         same = points.road[chosen] == road

@@ -44,7 +44,7 @@ def split(survey: Survey) -> tuple[Survey, list[Trace]]:
     days = sorted({day for trace in survey.traces if (day := _day(trace)) is not None})
     last = [trace for trace in survey.traces if days and _day(trace) == days[-1]]
     rest = [trace for trace in survey.traces if not days or _day(trace) != days[-1]]
-    if rest and {trace.road_id for trace in last} <= {trace.road_id for trace in rest}:
+    if last and rest and {trace.road_id for trace in last} <= {trace.road_id for trace in rest}:
         return replace(survey, traces=tuple(rest)), last
     train = tuple(_every_second(trace, 0) for trace in survey.traces)
     return replace(survey, traces=train), [_every_second(trace, 1) for trace in survey.traces]
