@@ -86,7 +86,7 @@ def _window_codes(
         part = mean_dbm[max(0, end - reach) : end + 1]
         features = feature_matrix(part, np.arange(len(part)) * step_m, reference)
         with np.errstate(invalid="ignore"):
-            steps = np.floor(features / (2.0 * widths))
+            steps = np.rint(features / (2.0 * widths))  # 0, where many lie, is no step's edge
         codes.append(np.where(np.isnan(steps), -(2.0**20), steps))
     return np.array(codes).astype(np.int64)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -16,24 +16,36 @@ from app.numerics.index import MapIndex
 from app.numerics.roadfit import fit_road
 
 
-@cache
-def city_of(name: str = "paper", cells: int = 6, seed: int = 7) -> City:
-    return build_city(replace(preset(name), cells=cells), seed)
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """A city, its roads fitted, and the map of them."""
+
+    city: City
+    models: tuple[RoadModel, ...]
+    index: MapIndex
+
+
+def city_of(name: str = "paper", cells: int = 6) -> City:
+    return _surveyed(name, cells).city
+
+
+def models_of(name: str = "paper", cells: int = 6) -> tuple[RoadModel, ...]:
+    return _surveyed(name, cells).models
+
+
+def index_of(name: str = "paper", cells: int = 6) -> MapIndex:
+    return _surveyed(name, cells).index
 
 
 @cache
-def models_of(name: str = "paper", cells: int = 6, seed: int = 7) -> tuple[RoadModel, ...]:
-    city = city_of(name, cells, seed)
+def _surveyed(name: str, cells: int) -> Surveyed:
+    city = build_city(replace(preset(name), cells=cells), seed=7)
     passes = survey(city)
-    return tuple(
+    models = tuple(
         fit_road(truth.road, [one for one in passes if one.road_id == truth.road_id])
         for truth in city.roads
     )
-
-
-@cache
-def index_of(name: str = "paper", cells: int = 6, seed: int = 7) -> MapIndex:
-    return index_with(models_of(name, cells, seed))
+    return Surveyed(city, models, index_with(models))
 
 
 def index_with(models: Sequence[RoadModel]) -> MapIndex:
