@@ -17,6 +17,7 @@ from jaxtyping import Float, Int
 from numpy.typing import NDArray
 
 from app.domain import Calibration, Line, RadioMap, RoadModel
+from app.numerics import native
 from app.numerics.geodesy import Floats, LocalFrame
 from app.numerics.lines import headings_deg, point_at
 from app.numerics.observation import OffsetPrior, Profile, profile
@@ -51,19 +52,15 @@ class Atlas:
     Geometry of all grid positions, road after road; ``start[road]`` is a road's first.
 
     Attributes:
-        x_m, y_m: In the map's local frame.
-        heading_deg: Compass heading of growing chainage.
+        plane: Five rows: x and y in the map's local frame, metres; longitude and latitude; compass
+            heading of growing chainage, degrees.
         segment: Index of the sub-segment on its road; a boundary belongs to the later one.
     """
 
     start: Int[np.ndarray, " roads"]
     size: Int[np.ndarray, " roads"]
     step_m: Floats
-    x_m: Floats
-    y_m: Floats
-    lon: Floats
-    lat: Floats
-    heading_deg: Floats
+    plane: Float[np.ndarray, "5 grid"]
     segment: Int[np.ndarray, " grid"]
 
     def spot(self, road: np.ndarray, chainage_m: np.ndarray) -> Spot:
@@ -77,13 +74,13 @@ class Atlas:
 class Spot:
     """Places between grid positions of an `Atlas`."""
 
-    low: np.ndarray | np.integer
-    share: np.ndarray | np.floating
+    low: np.ndarray
+    share: np.ndarray
 
-    def of(self, values: Floats) -> Floats:
-        """An atlas column at the places, straight between grid positions."""
-        left = values[self.low]
-        return np.asarray(left + self.share * (values[self.low + 1] - left))
+    def of(self, plane: Floats) -> Floats:
+        """Rows of an atlas' plane at the places, straight between grid positions."""
+        left = plane[..., self.low]
+        return np.asarray(left + self.share * (plane[..., self.low + 1] - left))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,6 +126,7 @@ class MapIndex:
         self.version = radio_map.version
         self.calibration: Calibration = radio_map.calibration
         self.offset_prior = OffsetPrior.learnt(radio_map.calibration.offset_sd_db)
+        self.likelihood = native.likelihood(self.offset_prior)
         self.roads = tuple(roads)
         self.road_ids = tuple(road.road_id for road in roads)
         self.cells = frozenset().union(*(road.column for road in roads)) if roads else frozenset()
@@ -188,20 +186,13 @@ def _draw_atlas(models: Sequence[RoadModel], frame: LocalFrame) -> Atlas:
         segment = np.searchsorted(inner_m, grid_m, side="right").astype(float)
         heading = headings_deg(model.line, grid_m)
         columns.append([plane.x_m, plane.y_m, where.lon, where.lat, heading, segment])
-    x_m, y_m, lon, lat, heading, segment = (
-        np.concatenate([column[i] for column in columns]) if columns else np.zeros(0)
-        for i in range(6)
-    )
+    drawn = [np.concatenate([c[i] for c in columns]) if columns else np.zeros(0) for i in range(6)]
     return Atlas(
         start=(np.cumsum(sizes) - sizes),
         size=sizes,
         step_m=np.array([model.step_m for model in models]),
-        x_m=x_m,
-        y_m=y_m,
-        lon=lon,
-        lat=lat,
-        heading_deg=heading,
-        segment=segment.astype(np.intp),
+        plane=np.stack(drawn[:5]),
+        segment=drawn[5].astype(np.intp),
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from app.domain import Fix, Window
+from app.numerics import native
 from app.numerics.alignment import align, score_positions
 from app.numerics.answer import answer
 from app.numerics.index import BOTH, COARSE_STEPS_M, GAP, MapIndex, Tape
@@ -38,18 +39,21 @@ JOINED_STEPS = 2.5  # stretches closer than this are aligned in one product
 MOST_KEPT = 1000  # coarse positions a query may align: bounds the time of a hopeless window
 
 
-def locate(index: MapIndex, window: Window, *, confidence: float = 0.68) -> Fix:
+def locate(
+    index: MapIndex, window: Window, *, confidence: float = 0.68, in_c: bool = native.BUILT
+) -> Fix:
     """
     Where the last sample of a window was taken.
 
     Args:
         window: At least one sample; cells in any order.
         confidence: Of the accuracy radius, between 0 and 1.
+        in_c: Use the kernels in C; without, the numpy code that defines them.
 
     Returns:
         The fix; its candidates' posteriors and ``off_map_posterior`` sum to 1.
     """
-    query = ask(index, window)
+    query = ask(index, window, in_c=in_c)
     places = fine_places(index, query, shortlist(index, query))
     return answer(index, query, refine(index, query, places), confidence)
 
@@ -85,11 +89,21 @@ def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coar
     if without is not None:
         every = every.take((every.road != without).nonzero()[0])
     flat = index.calibration.temperature * COARSE_FLATTENING
-    return every.take(kept_by_mass(every.score, flat, LEFT_OUT, MOST_KEPT))
+    keep = kept_by_mass if query.told is None else native.kept_by_mass
+    return every.take(keep(every.score, flat, LEFT_OUT, MOST_KEPT))
 
 
 def _score_tape(index: MapIndex, query: Query, tape: Tape, size: int) -> Coarse:
     level = tape.levels[size]
+    if query.told is not None:
+        score = native.score_tape(
+            query.aimed(query.told, tape.column),
+            level.along.rows,
+            level.positions,
+            level.step_m,
+            index.likelihood,
+        )
+        return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
     aim = query.aim(tape.column, level.step_m, joined=True)
     rows = level.along.rows if aim.rows is None else level.along.rows[aim.rows]
     behind = aim.behind[:, None]
@@ -111,9 +125,18 @@ def _joined(parts: list[Coarse]) -> Coarse:
 
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
     """Align the window at every metre of the stretches kept, each stretch with its neighbours."""
+    stretches = _stretches(index, kept)
+    if query.told is not None:
+        return _lay_stretches(index, query, query.told, stretches)
+    parts = [_stretch(index, query, *one) for one in stretches]
+    return parts[0] if len(parts) == 1 else Places.join(parts)
+
+
+def _stretches(index: MapIndex, kept: Coarse) -> list[tuple[int, int, int, int]]:
+    """Road, direction, first and last grid position of every unbroken row of coarse positions."""
     road, sign, chainage_m = kept.road.tolist(), kept.sign.tolist(), kept.chainage_m.tolist()
     reach_m, apart_m = kept.step_m, JOINED_STEPS * kept.step_m
-    parts, start = [], 0
+    stretches, start = [], 0
     for end in range(1, len(road) + 1):
         if (
             end < len(road)
@@ -126,9 +149,23 @@ def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
         first = max(int((chainage_m[start] - reach_m) / target.step_m), 0)
         last = int((chainage_m[end - 1] + reach_m) / target.step_m) + 1
         last = min(last, target.grid_size - 1)
-        parts.append(_stretch(index, query, road[start], sign[start], first, last))
+        stretches.append((road[start], sign[start], first, last))
         start = end
-    return parts[0] if len(parts) == 1 else Places.join(parts)
+    return stretches
+
+
+def _lay_stretches(
+    index: MapIndex, query: Query, told: native.Told, stretches: list[tuple[int, int, int, int]]
+) -> Places:
+    """Twin of `_stretch` and `Places.join`."""
+    places = native.no_places(sum([last + 1 - first for _, _, first, last in stretches]))
+    at = 0
+    for one in stretches:
+        road = index.roads[one[0]]
+        aimed, metres = query.aimed(told, road.column), (road.step_m, road.length_m)
+        native.score_stretch(aimed, road.along.rows, one, metres, index.likelihood, places, at)
+        at += one[3] + 1 - one[2]
+    return places
 
 
 def whole_roads(index: MapIndex, query: Query) -> Places:

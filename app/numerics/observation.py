@@ -28,6 +28,7 @@ HEARD_FLOOR = 0.02  # a cell may appear, or fail to, wherever the survey says ot
 HEARING_WEIGHT = 0.3  # hearing is far more alike from sample to sample than levels are
 CORRELATION_M = 10.0  # closer samples share shadowing and count as one; the map's temperature, too
 OUTSIDE_HEARD = 0.03  # chance of a reading off the road: windows rarely begin on another one
+UNMAPPED = HEARING_WEIGHT * math.log(HEARD_FLOOR / (1.0 - HEARD_FLOOR))  # a cell that a road lacks
 BROAD_OFFSET_SD_DB = 6.0  # devices differ by up to 8 dB
 BROAD_OFFSET_SHARE = 0.1  # how often a device is unlike those of the surveys
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 RADIUS_STEPS = np.linspace(0.0, 1.0, 17)
-NEGLIGIBLE = 1e-4  # lighter places move a radius less than it is worth
+NEGLIGIBLE = 1e-4  # lighter places move a radius less than it is worth, unless all are light
 RADIUS_SDS = 4.0  # the radius lies this near the one that would hold if places were points
 
 
@@ -126,7 +126,7 @@ def radius_m(
         away_m: Distance of each place from the reported position.
         position_sd_m: Error of surveyed positions along the road.
     """
-    matter = (mass > NEGLIGIBLE).nonzero()[0]
+    matter = (mass > min(NEGLIGIBLE, 0.5 * float(mass.max()))).nonzero()[0]
     away_m, mass = away_m[matter], mass[matter]
     sd_m = np.sqrt(width_m[matter] ** 2 * (1.0 / 12.0) + position_sd_m**2)
     order = away_m.argsort(kind="stable")

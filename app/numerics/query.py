@@ -4,24 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from app.domain import Window
+from app.numerics import native
 from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex
-from app.numerics.observation import (
-    HEARD_FLOOR,
-    HEARING_WEIGHT,
-    TERMS,
-    Evidence,
-    coefficients,
-    evidence,
-)
+from app.numerics.observation import TERMS, UNMAPPED, Evidence, coefficients, evidence
 
 FINE_STEP_M = 1.0
 LONGEST_M = COARSE_STEPS_M[-1] * (GAP - 1)  # readings farther back than this are not used
-UNMAPPED = HEARING_WEIGHT * float(np.log(HEARD_FLOOR / (1.0 - HEARD_FLOOR)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +38,7 @@ class Aim:
     constant: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Query:
     """
     The usable part of a window.
@@ -54,15 +48,20 @@ class Query:
         unknown: Heard cells that it does not know, sorted.
         samples: How many samples of the window these are.
         fine: The readings metre by metre.
-        factors: Their side of the likelihood.
+        told: The same for the kernels in C; None = all is worked out with numpy.
     """
 
     cells: tuple[str, ...]
     unknown: tuple[str, ...]
     samples: int
     fine: Evidence
-    factors: Float32[np.ndarray, "3 samples rows"]
+    told: native.Told | None = None
     _aims: dict[int, Aim] = field(default_factory=dict)
+
+    @cached_property
+    def factors(self) -> Float32[np.ndarray, "3 samples rows"]:
+        """The readings' side of the likelihood."""
+        return coefficients(self.fine)
 
     @property
     def length_m(self) -> float:
@@ -80,7 +79,7 @@ class Query:
                 fewer products where a column is longer than a sample.
         """
         factors, rows, here, constant = self.factors, None, None, 0.0
-        numbers = [column.get(cell, -1) for cell in self.cells]
+        numbers = self._numbers(column)
         if numbers != list(range(len(column))):
             there = np.array(numbers, dtype=np.intp)
             here = np.flatnonzero(there >= 0)
@@ -94,6 +93,13 @@ class Query:
             starts = np.concatenate(([0], (behind[1:] != behind[:-1]).nonzero()[0] + 1))
             factors, behind = np.add.reduceat(factors, starts, axis=1), behind[starts]
         return Aim(rows, here, factors, behind, constant)
+
+    def aimed(self, told: native.Told, column: dict[str, int]) -> native.Aimed:
+        """Twin of `aim` for the kernels in C, which do the rest of it themselves."""
+        return native.Aimed(told.block, told.samples, self._numbers(column))
+
+    def _numbers(self, column: dict[str, int]) -> list[int]:
+        return [column.get(cell, -1) for cell in self.cells]
 
     def aim_at(self, index: MapIndex, road: int) -> Aim:
         """The window aimed at one road's fine profile; worked out once a road."""
@@ -110,24 +116,36 @@ def _rows_of(cells: Int[np.ndarray, " chosen"], count: int) -> Int[np.ndarray, "
     return np.concatenate((terms, (TERMS * count, TERMS * count + 1)))
 
 
-def ask(index: MapIndex, window: Window) -> Query:
-    """Prepare a window; the order of its cells moves nothing."""
+def ask(index: MapIndex, window: Window, *, in_c: bool = False) -> Query:
+    """
+    Prepare a window; the order of its cells moves nothing.
+
+    Args:
+        in_c: Let the kernels in C answer it where they have a twin of the numpy code.
+    """
     rsrp_dbm, distance_m = window.rsrp_dbm, window.distance_m
     if distance_m[-1] - distance_m[0] > LONGEST_M:
         recent = distance_m >= distance_m[-1] - LONGEST_M
         distance_m, rsrp_dbm = distance_m[recent], rsrp_dbm[recent]
-    silent = np.isnan(rsrp_dbm).all(axis=0).tolist()
-    order = sorted((cell, i) for i, cell in enumerate(window.cells) if not silent[i])
+    heard = native.heard_columns(rsrp_dbm) if in_c else _heard_columns(rsrp_dbm)
+    order = sorted([(window.cells[i], i) for i in heard])
     known = [pair for pair in order if pair[0] in index.cells]
     unknown = () if len(known) == len(order) else _names(p for p in order if p not in known)
     columns = [i for _, i in known]
+    if in_c:
+        told, fine = native.evidence(distance_m, rsrp_dbm, columns, FINE_STEP_M)
+        return Query(_names(known), unknown, len(distance_m), fine, told)
     if columns != list(range(len(window.cells))):
         rsrp_dbm = rsrp_dbm[:, columns]
     return prepare(_names(known), unknown, distance_m, rsrp_dbm)
 
 
+def _heard_columns(rsrp_dbm: Float[np.ndarray, "samples cells"]) -> list[int]:
+    return [int(i) for i in np.flatnonzero(~np.isnan(rsrp_dbm).all(axis=0))]
+
+
 def _names(pairs: Iterable[tuple[str, int]]) -> tuple[str, ...]:
-    return tuple(cell for cell, _ in pairs)
+    return tuple([cell for cell, _ in pairs])
 
 
 def prepare(
@@ -138,4 +156,4 @@ def prepare(
 ) -> Query:
     """A query from readings whose columns are exactly ``cells``."""
     fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M)
-    return Query(cells, unknown, len(distance_m), fine, coefficients(fine))
+    return Query(cells, unknown, len(distance_m), fine)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
+from app.numerics import native
 from app.numerics.index import MapIndex
 from app.numerics.observation import TERMS, OffsetPrior
 from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, WIDTH, Places
@@ -29,6 +30,8 @@ def refine(index: MapIndex, query: Query, places: Places) -> Places:
 
     The new places replace those of the same metres, so that every metre keeps its weight.
     """
+    if query.told is not None:
+        return _refine(index, query, query.told, places)
     best = int(places.score.argmax())
     road = int(places.where[0, best])
     step_m = index.roads[road].step_m
@@ -39,6 +42,17 @@ def refine(index: MapIndex, query: Query, places: Places) -> Places:
     first = max(best - AROUND, 0)
     before, after = places.slice(0, first), places.slice(first + len(row), len(places))
     return Places.join((before, finer, after))
+
+
+def _refine(index: MapIndex, query: Query, told: native.Told, places: Places) -> Places:
+    """The same with the kernels in C."""
+    found = native.unbroken_row(places, index.atlas.step_m, AROUND, MIN_ROW)
+    if found is None:
+        return places
+    number, first, end = found
+    road, like_db2 = index.roads[number], index.offset_prior.like_db2
+    aimed, bend = query.aimed(told, road.column), road.along.bend
+    return native.redrawn(aimed, bend, places, (first, end), PARTS, road.step_m, like_db2)
 
 
 def _row(places: Places, best: int, step_m: float) -> Places | None:

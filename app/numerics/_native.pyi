@@ -1,0 +1,102 @@
+# What app/numerics/kernels/module.c offers; app.numerics.native says what it is for.
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+Singles: TypeAlias = NDArray[np.float32]
+Wholes: TypeAlias = NDArray[np.signedinteger[Any]]
+Likelihood: TypeAlias = tuple[float, float, float, float, float, float, float]
+
+VERSION: int
+
+def heard_columns(rsrp_dbm: Floats, /) -> list[int]: ...
+def evidence(
+    distance_m: Floats,
+    rsrp_dbm: Floats,
+    columns: list[int],
+    step_m: float,
+    centre_dbm: float,
+    correlation_m: float,
+    block: Floats,
+    /,
+) -> int: ...
+def tape(
+    block: Floats,
+    samples: int,
+    numbers: list[int],
+    rows: Singles,
+    positions: Wholes,
+    step_m: float,
+    likelihood: Likelihood,
+    score: Singles,
+    /,
+) -> None: ...
+def kept_by_mass(
+    score: Singles, temperature: float, left_out: float, most: int, kept: Wholes, /
+) -> int: ...
+def stretch(
+    block: Floats,
+    samples: int,
+    numbers: list[int],
+    rows: Singles,
+    road: int,
+    sign: int,
+    first: int,
+    last: int,
+    step_m: float,
+    length_m: float,
+    likelihood: Likelihood,
+    where: Wholes,
+    values: Floats,
+    at: int,
+    /,
+) -> None: ...
+def unbroken_row(
+    where: Wholes, values: Floats, step_m: Floats, around: int, least: int, /
+) -> tuple[int, int, int] | None: ...
+def redrawn(
+    block: Floats,
+    samples: int,
+    numbers: list[int],
+    bend: Singles,
+    where: Wholes,
+    values: Floats,
+    first: int,
+    end: int,
+    parts: int,
+    step_m: float,
+    like_db2: float,
+    new_where: Wholes,
+    new_values: Floats,
+    /,
+) -> None: ...
+def summary(
+    where: Wholes,
+    values: Floats,
+    start: Wholes,
+    size: Wholes,
+    segment: Wholes,
+    step_m: Floats,
+    plane: Floats,
+    temperature: float,
+    near_m: float,
+    confidence: float,
+    position_sd_m: float,
+    negligible_mass: float,
+    negligible_candidate: float,
+    /,
+) -> tuple[
+    int,
+    float,
+    int,
+    float,
+    float,
+    float,
+    float,
+    float,
+    int,
+    list[tuple[int, int, int, float, float, float, float]],
+]: ...

@@ -1,0 +1,91 @@
+/*
+ * The numeric core in C: each function is the twin of numpy code that defines it, named beside it.
+ *
+ * Nothing here knows of Python; module.c hands in arrays whose shapes it has checked. What arrays
+ * hold is checked here, before it serves as an index.
+ */
+#ifndef ROADPRINT_KERNELS_H
+#define ROADPRINT_KERNELS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+enum { TERMS = 4 };                                              /* A, B, C, L of a cell */
+enum { CHAINAGE, WIDTH, SCORE, RESIDUAL, WEIGHT, VALUES };       /* rows of Places.values */
+enum { X_M, Y_M, LON, LAT, HEADING, PLANE };                     /* rows of Atlas.plane */
+enum { OUT_OF_MEMORY = -1, OUT_OF_BOUNDS = -2 };                 /* what the functions below answer */
+
+#define MOST_COLUMNS 1e9 /* farther than any road: what is not below would not fit an index */
+
+/* A window made ready: app.numerics.observation.Evidence, with what is mapped of its cells. */
+typedef struct {
+    ptrdiff_t samples, cells;
+    const double *behind_m, *weight, *level_db, *heard;
+    const ptrdiff_t *numbers; /* of each cell in the profile, -1 where it is not there */
+} Told;
+
+/* A profile's rows: app.numerics.observation.Profile. */
+typedef struct {
+    const float *rows, *bend;
+    ptrdiff_t cells, columns;
+} Along;
+
+/* The constants of app.numerics.observation and the map's OffsetPrior. */
+typedef struct {
+    double hearing, outside_log, unmapped, like_db2, like_log, any_db2, any_log;
+} Likelihood;
+
+/* Places and the map's geometry: app.numerics.posterior.Places, app.numerics.index.Atlas. */
+typedef struct {
+    ptrdiff_t count;
+    const int64_t *road, *sign;
+    const double *values; /* (VALUES, count) */
+} Places;
+
+typedef struct {
+    ptrdiff_t roads, grid;
+    const int64_t *start, *size, *segment;
+    const double *step_m, *plane; /* (PLANE, grid) */
+} Atlas;
+
+typedef struct {
+    int64_t road, segment, sign;
+    double mass, density, chainage_m, lon, lat;
+    ptrdiff_t order;
+} Candidate;
+
+/* evidence.c */
+ptrdiff_t count_stretches(const double *distance_m, ptrdiff_t samples, double step_m);
+void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
+                     ptrdiff_t width, const ptrdiff_t *columns, ptrdiff_t cells, double step_m,
+                     double centre_dbm, double correlation_m, ptrdiff_t stretches, double *block);
+
+/* score.c */
+int score_tape(const Told *told, const Along *along, const int64_t *positions, ptrdiff_t count,
+               double step_m, const Likelihood *likelihood, float *score);
+int score_stretch(const Told *told, const Along *along, ptrdiff_t first, ptrdiff_t count, int sign,
+                  double step_m, const Likelihood *likelihood, double *values, ptrdiff_t stride);
+
+/* posterior.c */
+ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, double left_out,
+                       ptrdiff_t most, int64_t *kept);
+void share_mass(const Places *places, double temperature, double *mass);
+int find_summit(const Places *places, const double *mass, ptrdiff_t roads, double near_m,
+                ptrdiff_t *road, double *road_mass, ptrdiff_t *peak, double *chainage_m);
+
+/* refinement.c */
+int find_row(const Places *places, const double *step_m, ptrdiff_t roads, ptrdiff_t around,
+             ptrdiff_t least, ptrdiff_t *first, ptrdiff_t *end);
+int redraw(const Told *told, const Along *along, const Places *places, ptrdiff_t first,
+           ptrdiff_t end, ptrdiff_t parts, double step_m, double like_db2, int64_t *where,
+           double *values);
+
+/* geometry.c */
+ptrdiff_t spot(const Atlas *atlas, int64_t road, double chainage_m, double *share);
+double between(const Atlas *atlas, int row, ptrdiff_t low, double share);
+ptrdiff_t list_candidates(const Places *places, const double *mass, const Atlas *atlas,
+                          Candidate *listed);
+int radius(const Places *places, const double *mass, const Atlas *atlas, double x_m, double y_m,
+           double confidence, double position_sd_m, double negligible, double *radius_m);
+
+#endif

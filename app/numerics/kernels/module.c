@@ -1,0 +1,252 @@
+/* app.numerics._native: the kernels as Python functions; app.numerics.native says what they do. */
+#include "arrays.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+static PyObject *heard_columns(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 1))
+        return NULL;
+    Py_ssize_t shape[2] = {-1, -1};
+    const double *rsrp_dbm = array(&call, 'd', READ, 2, shape);
+    PyObject *heard = call.failed ? NULL : PyList_New(0);
+    call.failed |= heard == NULL;
+    for (Py_ssize_t column = 0; !call.failed && column < shape[1]; column++) {
+        Py_ssize_t i = 0;
+        while (i < shape[0] && isnan(rsrp_dbm[i * shape[1] + column]))
+            i++;
+        if (i == shape[0])
+            continue;
+        PyObject *one = PyLong_FromSsize_t(column);
+        call.failed = one == NULL || PyList_Append(heard, one) < 0;
+        Py_XDECREF(one);
+    }
+    return release(&call, heard);
+}
+
+static PyObject *evidence(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 7))
+        return NULL;
+    Py_ssize_t shape[2] = {-1, -1}, room[1] = {-1}, cells;
+    const double *distance_m = array(&call, 'd', READ, 1, shape);
+    const double *rsrp_dbm = array(&call, 'd', READ, 2, shape);
+    const ptrdiff_t *columns = whole_list(&call, shape[1], &cells);
+    for (Py_ssize_t i = 0; !call.failed && i < cells; i++)
+        demand(&call, columns[i] >= 0, "a column out of range");
+    double step_m = number(&call), centre_dbm = number(&call), correlation_m = number(&call);
+    double *block = array(&call, 'd', WRITE, 1, room);
+    demand(&call, shape[0] >= 1 && 2 + 2 * cells <= room[0] / shape[0], "too little room");
+    ptrdiff_t stretches = 0;
+    if (!call.failed) {
+        stretches = count_stretches(distance_m, shape[0], step_m);
+        gather_evidence(distance_m, rsrp_dbm, shape[0], shape[1], columns, cells, step_m,
+                        centre_dbm, correlation_m, stretches, block);
+    }
+    return release(&call, call.failed ? NULL : PyLong_FromSsize_t(stretches));
+}
+
+static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 8))
+        return NULL;
+    Told window = told(&call);
+    Along profile = along(&call, 'r');
+    Py_ssize_t count[1] = {-1};
+    const int64_t *positions = array(&call, 'l', READ, 1, count);
+    double step_m = number(&call);
+    Likelihood terms = likelihood(&call);
+    count[0] = call.failed ? -1 : 2 * count[0];
+    float *score = array(&call, 'f', WRITE, 1, count);
+    if (!call.failed)
+        check(&call, score_tape(&window, &profile, positions, count[0] / 2, step_m, &terms, score));
+    return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
+}
+
+static PyObject *kept_by_mass(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 5))
+        return NULL;
+    Py_ssize_t count[1] = {-1}, room[1] = {-1};
+    const float *score = array(&call, 'f', READ, 1, count);
+    double temperature = number(&call), left_out = number(&call);
+    ptrdiff_t most = whole(&call), found = 0;
+    int64_t *kept = array(&call, 'l', WRITE, 1, room);
+    demand(&call, room[0] >= count[0] || room[0] >= most, "too little room");
+    if (!call.failed)
+        check(&call, found = keep_by_mass(score, count[0], temperature, left_out, most, kept));
+    return release(&call, call.failed ? NULL : PyLong_FromSsize_t(found));
+}
+
+static PyObject *stretch(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 14))
+        return NULL;
+    Told window = told(&call);
+    Along profile = along(&call, 'r');
+    ptrdiff_t road = whole(&call), sign = whole(&call), first = whole(&call), last = whole(&call);
+    double step_m = number(&call), length_m = number(&call);
+    Likelihood terms = likelihood(&call);
+    Py_ssize_t shape[2] = {2, -1};
+    int64_t *where = array(&call, 'l', WRITE, 2, shape);
+    shape[0] = VALUES;
+    double *values = array(&call, 'd', WRITE, 2, shape);
+    ptrdiff_t at = whole(&call), count = last - first + 1, total = shape[1];
+    demand(&call, sign == 1 || sign == -1, "not a direction");
+    demand(&call, 0 <= first && first <= last && last < profile.columns - 2, "beyond the road");
+    demand(&call, 0 <= at && at <= total - count, "too little room");
+    if (!call.failed)
+        check(&call, score_stretch(&window, &profile, first, count, (int)sign, step_m, &terms,
+                                   values + at, total));
+    for (ptrdiff_t i = 0; !call.failed && i < count; i++) {
+        where[at + i] = road;
+        where[total + at + i] = sign;
+        values[CHAINAGE * total + at + i] = (double)(first + i) * step_m;
+        values[WIDTH * total + at + i] = step_m;
+    }
+    if (!call.failed && last == profile.columns - 3)
+        values[CHAINAGE * total + at + count - 1] = length_m;
+    return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
+}
+
+static PyObject *unbroken_row(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 5))
+        return NULL;
+    Places all = places(&call);
+    Py_ssize_t roads[1] = {-1};
+    const double *step_m = array(&call, 'd', READ, 1, roads);
+    ptrdiff_t around = whole(&call), least = whole(&call), first, end;
+    demand(&call, around >= 0 && around < PTRDIFF_MAX / 2 - all.count, "not a number of places");
+    int found = call.failed ? 0 : find_row(&all, step_m, roads[0], around, least, &first, &end);
+    check(&call, found);
+    if (found > 0)
+        return release(&call, Py_BuildValue("nnn", (Py_ssize_t)all.road[first], first, end));
+    return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
+}
+
+static PyObject *redrawn(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 13))
+        return NULL;
+    Told window = told(&call);
+    Along profile = along(&call, 'b');
+    Places all = places(&call);
+    ptrdiff_t first = whole(&call), end = whole(&call), parts = whole(&call);
+    demand(&call, 0 <= first && first + 1 < end && end <= all.count, "no row of places");
+    demand(&call, 1 <= parts && parts < 1000, "not a number of parts");
+    double step_m = number(&call), like_db2 = number(&call);
+    Py_ssize_t shape[2] = {2, call.failed ? 0 : all.count + (parts - 1) * (end - first - 1)};
+    int64_t *where = array(&call, 'l', WRITE, 2, shape);
+    shape[0] = VALUES;
+    double *values = array(&call, 'd', WRITE, 2, shape);
+    if (!call.failed)
+        check(&call, redraw(&window, &profile, &all, first, end, parts, step_m, like_db2, where,
+                            values));
+    return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
+}
+
+static PyObject *list_of(const Candidate *listed, ptrdiff_t count, double negligible)
+{
+    PyObject *list = PyList_New(0);
+    for (ptrdiff_t i = 0; list != NULL && i < count && listed[i].mass > negligible; i++) {
+        const Candidate *one = listed + i;
+        PyObject *row = Py_BuildValue("nnidddd", (Py_ssize_t)one->road, (Py_ssize_t)one->segment,
+                                      (int)one->sign, one->mass, one->chainage_m, one->lon,
+                                      one->lat);
+        if (row == NULL || PyList_Append(list, row) < 0)
+            Py_CLEAR(list);
+        Py_XDECREF(row);
+    }
+    return list;
+}
+
+/* What app.numerics.summary draws from places, in one go. */
+static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, double *mass,
+                         Candidate *listed, const double options[6])
+{
+    ptrdiff_t road, peak, count, low, best = 0;
+    const double *score = all->values + SCORE * all->count;
+    double road_mass, chainage_m, share = 0.0, radius_m = 0.0, heaviest = 0.0;
+    share_mass(all, options[0], mass);
+    for (ptrdiff_t i = 0; i < all->count; i++) {
+        heaviest = fmax(heaviest, mass[i]);
+        best = score[i] > score[best] ? i : best;
+    }
+    check(call, find_summit(all, mass, map->roads, options[1], &road, &road_mass, &peak,
+                            &chainage_m));
+    check(call, low = call->failed ? 0 : spot(map, road, chainage_m, &share));
+    check(call, count = call->failed ? 0 : list_candidates(all, mass, map, listed));
+    if (call->failed)
+        return NULL;
+    double x_m = between(map, X_M, low, share), y_m = between(map, Y_M, low, share);
+    double negligible = fmin(options[4], 0.5 * heaviest);
+    check(call, radius(all, mass, map, x_m, y_m, options[2], options[3], negligible, &radius_m));
+    PyObject *list = call->failed ? NULL : list_of(listed, count, options[5]);
+    if (list == NULL)
+        return NULL;
+    return Py_BuildValue("ndndddddnN", road, road_mass, peak, chainage_m,
+                         between(map, LON, low, share), between(map, LAT, low, share),
+                         map->plane[HEADING * map->grid + low], radius_m, best, list);
+}
+
+static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 13))
+        return NULL;
+    Places all = places(&call);
+    Atlas map = atlas(&call);
+    double options[6]; /* temperature, near_m, confidence, position_sd_m, negligible of each use */
+    for (int i = 0; i < 6; i++)
+        options[i] = number(&call);
+    double *mass = call.failed ? NULL : malloc(sizeof *mass * (size_t)all.count);
+    Candidate *listed = call.failed ? NULL : malloc(sizeof *listed * (size_t)all.count);
+    if (!call.failed && (mass == NULL || listed == NULL))
+        check(&call, OUT_OF_MEMORY);
+    PyObject *found = call.failed ? NULL : summed_up(&call, &all, &map, mass, listed, options);
+    free(mass);
+    free(listed);
+    return release(&call, found);
+}
+
+#define KERNEL(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
+
+static PyMethodDef methods[] = {
+    KERNEL(heard_columns), KERNEL(evidence),     KERNEL(tape),    KERNEL(kept_by_mass),
+    KERNEL(stretch),       KERNEL(unbroken_row), KERNEL(redrawn), KERNEL(summary),
+    {NULL, NULL, 0, NULL},
+};
+
+static int set_version(PyObject *module)
+{
+    /* app.numerics.native refuses a library built from other sources than its own. */
+    return PyModule_AddIntConstant(module, "VERSION", 1);
+}
+
+static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};
+
+static PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "_native", "The numeric core in C.", 0, methods, slots, NULL, NULL, NULL,
+};
+
+PyMODINIT_FUNC PyInit__native(void)
+{
+    return PyModuleDef_Init(&definition);
+}

@@ -1,0 +1,219 @@
+"""
+The kernels in C, and whether they are there.
+
+Each is the twin of numpy code that stays its definition; `tests/numerics/test_native.py` holds them
+equal. An installation without a compiler lacks the extension module and answers with numpy alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+from numpy.typing import NDArray
+
+from app.numerics.observation import (
+    CENTRE_DBM,
+    CORRELATION_M,
+    HEARING_WEIGHT,
+    OUTSIDE_HEARD,
+    UNMAPPED,
+    Evidence,
+    OffsetPrior,
+)
+from app.numerics.posterior import VALUES, Places
+
+try:
+    from app.numerics import _native
+except ImportError:
+    BUILT = False
+else:
+    BUILT = _native.VERSION == 1  # a library left by an older version of the code is not used
+
+Floats = NDArray[np.float64]
+Wholes = NDArray[np.signedinteger[Any]]
+Rival = tuple[int, int, int, float, float, float, float]
+Likelihood = tuple[float, float, float, float, float, float, float]
+
+
+def likelihood(prior: OffsetPrior) -> Likelihood:
+    """The constants of `app.numerics.observation` and a map's prior, as the kernels take them."""
+    offset = (prior.like_db2, prior.like_log, prior.any_db2, prior.any_log)
+    return (HEARING_WEIGHT, math.log(OUTSIDE_HEARD), UNMAPPED, *offset)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """
+    A window's evidence in one piece.
+
+    Attributes:
+        block: ``behind_m``, ``weight``, ``rsrp_db`` and ``heard`` of an `Evidence`, end to end;
+            what follows them is unused.
+        samples: How many samples the evidence has.
+    """
+
+    block: Float[np.ndarray, " numbers"]
+    samples: int
+
+
+class Aimed(NamedTuple):
+    """
+    A window for one profile.
+
+    Attributes:
+        block, samples: See `Told`.
+        numbers: Of the window's cells in the profile, -1 where it lacks one.
+    """
+
+    block: Float[np.ndarray, " numbers"]
+    samples: int
+    numbers: list[int]
+
+
+def heard_columns(rsrp_dbm: Float[np.ndarray, "samples cells"]) -> list[int]:
+    """Columns that hold any reading."""
+    return _native.heard_columns(np.ascontiguousarray(rsrp_dbm, dtype=np.float64))
+
+
+def evidence(
+    distance_m: Float[np.ndarray, " samples"],
+    rsrp_dbm: Float[np.ndarray, "samples cells"],
+    columns: list[int],
+    step_m: float,
+) -> tuple[Told, Evidence]:
+    """Twin of `app.numerics.observation.evidence` for some columns, in both forms."""
+    count = len(columns)
+    block = np.empty(len(distance_m) * (2 + 2 * count))
+    samples = _native.evidence(
+        np.ascontiguousarray(distance_m, dtype=np.float64),
+        np.ascontiguousarray(rsrp_dbm, dtype=np.float64),
+        columns,
+        step_m,
+        CENTRE_DBM,
+        CORRELATION_M,
+        block,
+    )
+    level, heard, end = 2 * samples, (2 + count) * samples, (2 + 2 * count) * samples
+    seen = Evidence(
+        block[:samples],
+        block[level:heard].reshape(samples, count),
+        block[heard:end].reshape(samples, count),
+        block[samples:level],
+    )
+    return Told(block, samples), seen
+
+
+def score_tape(
+    aimed: Aimed,
+    rows: Float32[np.ndarray, "rows columns"],
+    positions: Int[np.ndarray, " positions"],
+    step_m: float,
+    terms: Likelihood,
+) -> Float32[np.ndarray, " scores"]:
+    """Scores of all positions of a tape in one direction of travel, then in the other."""
+    score = np.empty(2 * len(positions), dtype=np.float32)
+    _native.tape(*aimed, rows, positions, step_m, terms, score)
+    return score
+
+
+def kept_by_mass(
+    score: Float32[np.ndarray, " places"], temperature: float, left_out: float, most: int
+) -> Int[np.ndarray, " kept"]:
+    """Twin of `app.numerics.posterior.kept_by_mass`."""
+    kept = np.empty(min(len(score), most), dtype=np.int64)
+    return kept[: _native.kept_by_mass(score, temperature, left_out, most, kept)]
+
+
+def no_places(count: int) -> Places:
+    """Room for so many places, to be filled stretch by stretch."""
+    return Places(np.empty((2, count), dtype=np.int64), np.empty((VALUES, count)))
+
+
+def score_stretch(
+    aimed: Aimed,
+    rows: Float32[np.ndarray, "rows columns"],
+    stretch: tuple[int, int, int, int],
+    metres: tuple[float, float],
+    terms: Likelihood,
+    places: Places,
+    at: int,
+) -> None:
+    """
+    Fill in places along a stretch of road, as `app.numerics.matching` does with numpy.
+
+    Args:
+        stretch: Number of the road, +1 or -1, first and last grid position.
+        metres: Step and length of the road.
+        at: Which of ``places`` is the first.
+    """
+    _native.stretch(
+        *aimed,
+        rows,
+        *stretch,
+        *metres,
+        terms,
+        places.where,
+        places.values,
+        at,
+    )
+
+
+def unbroken_row(
+    places: Places, step_m: Float[np.ndarray, " roads"], around: int, least: int
+) -> tuple[int, int, int] | None:
+    """Road of the best place, and first and end of its row; None where that is broken."""
+    return _native.unbroken_row(places.where, places.values, step_m, around, least)
+
+
+def redrawn(
+    aimed: Aimed,
+    bend: Float32[np.ndarray, "cells columns"],
+    places: Places,
+    row: tuple[int, int],
+    parts: int,
+    step_m: float,
+    like_db2: float,
+) -> Places:
+    """All places, those of a row drawn anew: the rest of `app.numerics.refinement.refine`."""
+    first, end = row
+    finer = no_places(len(places) + (parts - 1) * (end - first - 1))
+    _native.redrawn(
+        *aimed,
+        bend,
+        places.where,
+        places.values,
+        first,
+        end,
+        parts,
+        step_m,
+        like_db2,
+        finer.where,
+        finer.values,
+    )
+    return finer
+
+
+def summary(
+    places: Places,
+    atlas: tuple[Wholes, Wholes, Wholes, Floats, Floats],
+    temperature: float,
+    near_m: float,
+    radius: tuple[float, float],
+    negligible: tuple[float, float],
+) -> tuple[int, float, int, float, float, float, float, float, int, list[Rival]]:
+    """
+    Twin of `app.numerics.summary.summarise`.
+
+    Args:
+        atlas: Start, size, sub-segments, steps and plane.
+        near_m: How far about its peak the position is averaged.
+        radius: Confidence, and the error of surveyed positions in metres.
+        negligible: Mass of a place and of a rival that do not count.
+    """
+    return _native.summary(
+        places.where, places.values, *atlas, temperature, near_m, *radius, *negligible
+    )

@@ -1,0 +1,140 @@
+"""What a posterior over places says in numbers: the road, the position, the radius, the rivals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from app.numerics import native
+from app.numerics.index import MapIndex, Spot
+from app.numerics.posterior import NEGLIGIBLE as NEGLIGIBLE_PLACE
+from app.numerics.posterior import Places, masses, radius_m
+
+PEAK_M = 15.0  # the position is the mean of the posterior this far about its peak
+NEGLIGIBLE = 1e-9  # less probable rivals are not listed; the others share their mass
+
+# Road number, sub-segment, +1 or -1, mass, and chainage, longitude and latitude of the best place.
+Rival = tuple[int, int, int, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """
+    The posterior's answer.
+
+    Attributes:
+        road: Number of the most probable road; the first of equals.
+        peak: Index of its most probable place.
+        chainage_m: Mean of the posterior about that place, in one direction.
+        heading_deg: Of growing chainage.
+        best: Index of the place with the highest score of all.
+        rivals: One a sub-segment and direction, most probable first; ties by road, sub-segment and
+            direction, forward first.
+    """
+
+    road: int
+    road_mass: float
+    peak: int
+    chainage_m: float
+    lon: float
+    lat: float
+    heading_deg: float
+    radius_m: float
+    best: int
+    rivals: list[Rival]
+
+
+def summarise(index: MapIndex, places: Places, confidence: float, *, in_c: bool) -> Summary:
+    """
+    Road, position, radius at ``confidence`` and rivals.
+
+    Args:
+        in_c: Use the kernel in C; without, the numpy code that defines it.
+    """
+    if in_c:
+        return _summarise_in_c(index, places, confidence)
+    mass = masses(places, index.calibration.temperature)
+    road, road_mass = _best_road(index, places, mass)
+    density = mass / places.width_m
+    peak = int((density * (places.road == road)).argmax())
+    chainage_m = _peak_chainage_m(places, mass, peak)
+    atlas = index.atlas
+    here = atlas.spot(np.array([road]), np.array([chainage_m]))
+    x_m, y_m, lon, lat, _ = here.of(atlas.plane)[:, 0].tolist()
+    spots = atlas.spot(places.road, places.chainage_m)
+    there_m = spots.of(atlas.plane[:2])
+    away_m = np.hypot(there_m[0] - x_m, there_m[1] - y_m)
+    return Summary(
+        road,
+        road_mass,
+        peak,
+        chainage_m,
+        lon,
+        lat,
+        float(atlas.plane[4, here.low[0]]),
+        radius_m(away_m, mass, places.width_m, confidence, index.calibration.position_sd_m),
+        int(places.score.argmax()),
+        _rivals(index, places, mass, density, spots),
+    )
+
+
+def _summarise_in_c(index: MapIndex, places: Places, confidence: float) -> Summary:
+    atlas, calibration = index.atlas, index.calibration
+    return Summary(
+        *native.summary(
+            places,
+            (atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),
+            calibration.temperature,
+            PEAK_M,
+            (confidence, calibration.position_sd_m),
+            (NEGLIGIBLE_PLACE, NEGLIGIBLE),
+        )
+    )
+
+
+def _best_road(
+    index: MapIndex, places: Places, mass: Float[np.ndarray, " places"]
+) -> tuple[int, float]:
+    on_road = np.bincount(places.road, mass, len(index.roads))
+    number = int(on_road.argmax())
+    return number, float(on_road[number])
+
+
+def _peak_chainage_m(places: Places, mass: Float[np.ndarray, " places"], peak: int) -> float:
+    near = np.abs(places.chainage_m - places.chainage_m[peak]) <= PEAK_M
+    near &= (places.where == places.where[:, peak : peak + 1]).all(axis=0)
+    weight = mass * near
+    return float(weight @ places.chainage_m / weight.sum())
+
+
+def _rivals(
+    index: MapIndex,
+    places: Places,
+    mass: Float[np.ndarray, " places"],
+    density: Float[np.ndarray, " places"],
+    spots: Spot,
+) -> list[Rival]:
+    segment = np.asarray(index.atlas.segment[spots.low])
+    key = (places.road << 33) + (segment << 1) + (places.sign < 0)
+    edges = [0, *((key[1:] != key[:-1]).nonzero()[0] + 1).tolist(), len(key)]
+    total: dict[int, float] = {}
+    best: dict[int, int] = {}
+    for start, end in pairwise(edges):
+        one = int(key[start])
+        peak = start + int(density[start:end].argmax())
+        total[one] = total.get(one, 0.0) + float(mass[start:end].sum())
+        if one not in best or density[peak] > density[best[one]]:
+            best[one] = peak
+    listed = sorted((-total[one], one) for one in total if total[one] > NEGLIGIBLE)
+    return [_rival(index, places, best[one], spots, -less) for less, one in listed]
+
+
+def _rival(index: MapIndex, places: Places, place: int, spots: Spot, mass: float) -> Rival:
+    number, sign = places.where[:, place].tolist()
+    spot = Spot(np.asarray(spots.low[place]), np.asarray(spots.share[place]))
+    lon, lat = spot.of(index.atlas.plane[2:4]).tolist()
+    segment = int(index.atlas.segment[spot.low])
+    return number, segment, sign, mass, float(places.chainage_m[place]), lon, lat
