@@ -18,15 +18,14 @@ from app.numerics.roadfit import fit_road
 
 @dataclass(frozen=True, slots=True)
 class Surveyed:
-    """A city, its roads fitted, and the map of them."""
+    """A city's roads fitted, and the map of them."""
 
-    city: City
     models: tuple[RoadModel, ...]
     index: MapIndex
 
 
 def city_of(name: str = "paper", cells: int = 6) -> City:
-    return _surveyed(name, cells).city
+    return _city(name, cells)
 
 
 def models_of(name: str = "paper", cells: int = 6) -> tuple[RoadModel, ...]:
@@ -38,14 +37,19 @@ def index_of(name: str = "paper", cells: int = 6) -> MapIndex:
 
 
 @cache
+def _city(name: str, cells: int) -> City:
+    return build_city(replace(preset(name), cells=cells), seed=7)
+
+
+@cache
 def _surveyed(name: str, cells: int) -> Surveyed:
-    city = build_city(replace(preset(name), cells=cells), seed=7)
+    city = _city(name, cells)
     passes = survey(city)
     models = tuple(
         fit_road(truth.road, [one for one in passes if one.road_id == truth.road_id])
         for truth in city.roads
     )
-    return Surveyed(city, models, index_with(models))
+    return Surveyed(models, index_with(models))
 
 
 def index_with(models: Sequence[RoadModel]) -> MapIndex:

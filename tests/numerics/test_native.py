@@ -1,0 +1,263 @@
+"""The kernels in C give what the numpy code gives that defines them, and refuse everything else."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.domain import Calibration, Window
+from app.numerics import matching, native, observation, posterior
+from app.numerics.index import COARSE_STEPS_M, GAP
+from app.numerics.matching import fine_places, locate, shortlist
+from app.numerics.query import ask
+from app.numerics.refinement import refine
+from app.numerics.summary import summarise
+from tests.numerics.tiny import gentle_models, map_of, tiny_models, window_along
+
+built = pytest.mark.skipif(not native.BUILT, reason="installed without a C compiler")
+SEEDS = st.integers(0, 10_000)
+# Scores are sums of float32 in another order: within 1e-5 of what is added up, here some thousands.
+SCORES = {"rtol": 1e-5, "atol": 0.02}
+KNOWN = ValueError, TypeError, BufferError, OverflowError
+
+
+def test_the_kernels_are_built_where_they_can_be():
+    """With a compiler and Python's headers, nobody is left with the slow half unawares."""
+    header = Path(sysconfig.get_path("include")) / "Python.h"
+    if shutil.which("cc") is None or not header.exists():
+        pytest.skip("no C compiler or no Python.h")
+    assert native.BUILT
+
+
+def a_window(seed: int, extra: tuple[str, ...] = ()) -> tuple[Window, tuple]:
+    models = gentle_models(seed % 5)
+    rng = np.random.default_rng(seed)
+    sign = 1 if seed % 2 else -1
+    road = models[seed % 3]
+    return window_along(
+        road, seed, samples=int(rng.integers(1, 40)), sign=sign, extra=extra
+    ), models
+
+
+@built
+@settings(max_examples=60, deadline=None)
+@given(SEEDS, st.integers(1, 30), st.integers(0, 4), st.sampled_from([0.3, 1.0, 4.0]))
+def test_evidence_is_the_same(seed, samples, cells, step_m):
+    """Readings missing, cars standing, columns in any order."""
+    rng = np.random.default_rng(seed)
+    distance_m = np.sort(rng.choice([0.0, 0.1, 2.0, 2.4, 3.0, 11.0], samples) * rng.uniform(1, 2))
+    rsrp_dbm = rng.uniform(-120.0, -70.0, (samples, cells + 1))
+    rsrp_dbm[rng.random(rsrp_dbm.shape) < 0.4] = np.nan
+    columns = rng.permutation(cells + 1)[:cells].tolist()
+    _, seen = native.evidence(distance_m, rsrp_dbm, columns, step_m)
+    wanted = observation.evidence(distance_m, rsrp_dbm[:, columns], step_m)
+    for field in dataclasses.fields(wanted):
+        np.testing.assert_allclose(
+            getattr(seen, field.name), getattr(wanted, field.name), rtol=1e-12, atol=1e-12
+        )
+    heard = [i for i in range(cells + 1) if not np.isnan(rsrp_dbm[:, i]).all()]
+    assert native.heard_columns(rsrp_dbm) == heard
+
+
+@built
+@settings(max_examples=40, deadline=None)
+@given(SEEDS, st.sampled_from([1.0, 4.0, 12.0]), st.sampled_from([(), ("b", "e"), ("x",)]))
+def test_tapes_are_scored_the_same(seed, stretched, extra):
+    """Both directions, at every step, with cells that the tape lacks."""
+    window, models = a_window(seed, tuple(one for one in extra if one not in "abc"))
+    window = dataclasses.replace(window, distance_m=window.distance_m * stretched)
+    index = map_of(tiny_models(seed % 7) if seed % 2 else models)
+    fast, plain = ask(index, window, in_c=True), ask(index, window)
+    size = next(i for i, step in enumerate(COARSE_STEPS_M) if plain.length_m <= step * (GAP - 1))
+    for tape in index.tapes:
+        ours = matching._score_tape(index, fast, tape, size)
+        wanted = matching._score_tape(index, plain, tape, size)
+        np.testing.assert_allclose(ours.score, wanted.score, **SCORES)
+
+
+@built
+@settings(max_examples=80, deadline=None)
+@given(
+    st.lists(st.integers(-80, 0), min_size=1, max_size=300),
+    st.floats(0.05, 5.0),
+    st.sampled_from([1e-4, 0.01, 0.5]),
+    st.integers(1, 40),
+)
+def test_the_same_places_are_kept(levels, temperature, left_out, most):
+    """Ties, of which whole numbers make many, fall to the earlier places."""
+    score = np.array(levels, dtype=np.float32)
+    kept = native.kept_by_mass(score, temperature, left_out, most)
+    wanted = posterior.kept_by_mass(score.astype(np.float64), temperature, left_out, most)
+    # Where the mass reaches the bound to the last bit, one place more or less is right.
+    weight = np.exp((score.astype(np.float64) - score.max()) / temperature)
+    gained = np.sort(weight)[::-1].cumsum() / weight.sum()
+    if np.abs(gained - (1.0 - left_out)).min() > 1e-9:
+        assert kept.tolist() == wanted.tolist()
+    else:
+        assert abs(len(kept) - len(wanted)) <= 1
+
+
+@built
+@settings(max_examples=40, deadline=None)
+@given(SEEDS, st.sampled_from([1.0, 30.0, 90.0]), st.data())
+def test_stretches_are_scored_the_same(seed, stretched, data):
+    """Within a road, off its ends, with cells that it lacks; far longer windows than roads."""
+    window, models = a_window(seed, ("e", "x"))
+    window = dataclasses.replace(window, distance_m=window.distance_m * (stretched / 25.0))
+    index = map_of(models)
+    fast, plain = ask(index, window, in_c=True), ask(index, window)
+    places, wanted = [], []
+    for road in index.roads:
+        first = data.draw(st.integers(0, road.grid_size - 1))
+        last = data.draw(st.integers(first, road.grid_size - 1))
+        sign = data.draw(st.sampled_from([1, -1]))
+        places.append((road.number, sign, first, last))
+        wanted.append(matching._stretch(index, plain, *places[-1]))
+    ours = matching._lay_stretches(index, fast, fast.told, places)
+    joined = posterior.Places.join(wanted)
+    assert (ours.where == joined.where).all()
+    np.testing.assert_allclose(ours.values, joined.values, **SCORES)
+
+
+@built
+@settings(max_examples=40, deadline=None)
+@given(SEEDS, st.floats(0.2, 3.0), st.floats(0.05, 0.99), st.sampled_from([0.0, 2.0]))
+def test_refinement_and_summary_are_the_same(seed, temperature, confidence, position_sd_m):
+    """From the same places: the finer ones, then road, position, radius and rivals in order."""
+    window, models = a_window(seed, ("e",))
+    calibration = Calibration(temperature=temperature, position_sd_m=position_sd_m)
+    index = map_of(models, calibration)
+    fast, plain = ask(index, window, in_c=True), ask(index, window)
+    places = fine_places(index, fast, shortlist(index, fast))
+    ours, wanted = refine(index, fast, places), refine(index, plain, places)
+    assert (ours.where == wanted.where).all()
+    np.testing.assert_allclose(ours.values, wanted.values, rtol=1e-9, atol=1e-9)
+    told = summarise(index, ours, confidence, in_c=True)
+    known = summarise(index, ours, confidence, in_c=False)
+    assert (told.road, told.peak, told.best) == (known.road, known.peak, known.best)
+    for field in ("road_mass", "chainage_m", "lon", "lat", "heading_deg"):
+        assert getattr(told, field) == pytest.approx(getattr(known, field), rel=1e-9, abs=1e-9)
+    assert told.radius_m == pytest.approx(known.radius_m, abs=1e-4)
+    assert [rival[:3] for rival in told.rivals] == [rival[:3] for rival in known.rivals]
+    for rival, other in zip(told.rivals, known.rivals, strict=True):
+        assert rival == pytest.approx(other, rel=1e-9, abs=1e-12)
+
+
+@built
+@settings(max_examples=40, deadline=None)
+@given(SEEDS, st.sampled_from([(), ("x",), ("e", "d2")]), st.floats(0.1, 0.95))
+def test_fixes_are_the_same(seed, extra, confidence):
+    """From request to answer, whatever the kernels' sums differ by."""
+    window, models = a_window(seed, extra)
+    index = map_of(models)
+    fast = locate(index, window, confidence=confidence, in_c=True)
+    plain = locate(index, window, confidence=confidence, in_c=False)
+    for field in dataclasses.fields(fast):
+        ours, wanted = getattr(fast, field.name), getattr(plain, field.name)
+        if isinstance(wanted, float):
+            assert ours == pytest.approx(wanted, rel=1e-4, abs=1e-3), field.name
+        elif field.name != "candidates":
+            assert ours == wanted, field.name
+    assert sum(one.posterior for one in fast.candidates) == pytest.approx(
+        1.0 - fast.off_map_posterior
+    )
+
+
+@pytest.mark.parametrize("in_c", [pytest.param(True, marks=built), False])
+def test_a_posterior_spread_thin_has_a_radius(in_c):
+    """Of 20,000 places with the same mass, none is negligible."""
+    index = map_of(gentle_models(3))
+    count = 20_000
+    values = np.zeros((posterior.VALUES, count))
+    values[posterior.CHAINAGE] = np.linspace(0.0, 50.0, count)
+    values[posterior.WIDTH] = 1.0
+    places = posterior.Places(np.tile([[0], [1]], count), values)
+    assert 10.0 < summarise(index, places, 0.68, in_c=in_c).radius_m < 30.0
+
+
+def arguments(seed: int) -> dict[str, list[object]]:
+    """Valid arguments of every kernel."""
+    window, models = a_window(seed)
+    index = map_of(models)
+    query = ask(index, window, in_c=True)
+    places = fine_places(index, query, shortlist(index, query))
+    tape, road, atlas = index.tapes[0], index.roads[1], index.atlas
+    level = tape.levels[0]
+    score = np.zeros(2 * len(level.positions), dtype=np.float32)
+    rsrp_dbm, cells = np.ascontiguousarray(window.rsrp_dbm), len(window.cells)
+    block = np.zeros(len(rsrp_dbm) * (2 + 2 * cells))
+    over_tape, over_road = (query.aimed(query.told, one.column) for one in (tape, road))
+    room, finer = native.no_places(9), native.no_places(len(places) + 4 * 2)
+    old = (places.where, places.values)
+    return {
+        "heard_columns": [rsrp_dbm],
+        "evidence": [window.distance_m, rsrp_dbm, [*range(cells)], 1.0, -95.0, 10.0, block],
+        "tape": [*over_tape, level.along.rows, level.positions, 4.0, index.likelihood, score],
+        "kept_by_mass": [score, 1.0, 1e-4, 50, np.empty(50, dtype=np.int64)],
+        "stretch": [
+            *(*over_road, road.along.rows, 1, -1, 3, 7, 1.0, 60.0, index.likelihood),
+            *(room.where, room.values, 2),
+        ],
+        "unbroken_row": [*old, atlas.step_m, 3, 3],
+        "redrawn": [*over_road, road.along.bend, *old, 0, 3, 5, 1.0, 1.0, *finer_of(finer)],
+        "summary": [
+            *(*old, atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),
+            *(1.0, 15.0, 0.68, 1.0, 1e-4, 1e-9),
+        ],
+    }
+
+
+def finer_of(places: posterior.Places) -> tuple[object, object]:
+    return places.where, places.values
+
+
+def changed(value: object, how: int) -> object:
+    """An argument spoilt in one of many ways."""
+    if isinstance(value, np.ndarray):
+        ways = [
+            *(value[:-1].copy(), value[:0].copy(), value[..., ::-1], value[..., None]),
+            *(value.astype(np.float16), value.astype(">f8"), value.tolist(), None),
+            *(np.full_like(value, 10**9), np.full_like(value, -(10**9)), np.zeros_like(value)),
+            np.full_like(value, np.nan) if value.dtype.kind == "f" else np.full_like(value, 2**62),
+            np.full_like(value, np.inf) if value.dtype.kind == "f" else np.full_like(value, -1),
+        ]
+    elif isinstance(value, list | tuple):
+        ways = [value[:-1], [*value, 0], [10**9] * len(value), [-5], None, [], ["x"], [2**70]]
+    else:
+        ways = [-1, 0, 10**6, 10**15, -(2**62), 2**62, 2**70, np.nan, np.inf, -np.inf, None, "x"]
+    return ways[how % len(ways)]
+
+
+@built
+@settings(max_examples=400, deadline=None)
+@given(SEEDS, st.integers(0, 7), st.integers(0, 13), st.integers(0, 155), st.integers(0, 155))
+def test_spoilt_arguments_are_refused_or_harmless(seed, which, place, how, also):
+    """Whatever a kernel is given, it answers or raises; one or two arguments are spoilt here."""
+    name, given_ = list(arguments(seed % 50).items())[which]
+    for step, change in ((0, how), (3, also)):
+        if change % 12 or step == 0:
+            at = (place + step) % len(given_)
+            given_[at] = changed(given_[at], change)
+    kernel = getattr(native._native, name)
+    try:
+        kernel(*given_)
+    except KNOWN:
+        return
+
+
+@built
+@pytest.mark.parametrize("which", list(arguments(1)) if native.BUILT else [])
+def test_valid_arguments_are_taken_and_their_number_counts(which):
+    """The arguments that the test above spoils are right as they stand."""
+    kernel, given_ = getattr(native._native, which), arguments(1)[which]
+    kernel(*given_)
+    for wrong in (given_[:-1], [*given_, 0]):
+        with pytest.raises(TypeError, match="arguments needed"):
+            kernel(*wrong)
