@@ -183,3 +183,29 @@ def test_every_method_has_a_name_of_its_own():
     """The table is what people type."""
     assert list(METHODS) == ["paper", "rwknn", "gift", "cf-els", "exhaustive", "roadprint"]
     assert all(method.name == name for name, method in METHODS.items())
+
+
+def test_cf_els_charges_for_a_cell_that_a_street_does_not_hear(lab):
+    """A street that knows one of two heard cells does not win by knowing little."""
+
+    def deaf(at):
+        return np.column_stack([-80.0 - 0.1 * at, np.full(len(at), np.nan)])
+
+    def both(at):
+        return np.column_stack([-80.0 - 0.1 * at, -110.0 + 0.1 * at])
+
+    streets = lab.street("deaf", 0.0, deaf), lab.street("both", 60.0, both)
+    parameters = cfels.Parameters(np.inf, 1, 0.0, 500.0)
+    model = cfels.CurveSearch(cfels.draw_atlas(lab.survey(*streets), parameters, 0.5), parameters)
+    for end_m in (50.0, 150.0):
+        assert model.locate(streets[1].window(end_m - 20.0, end_m), None).road_id == "both"
+
+
+def test_paper_does_not_prefer_a_street_that_shares_no_cell(lab):
+    """What one side does not hear counts as faint, not as equal."""
+    here, elsewhere = lab.street("here", 0.0, lab.wave(1)), lab.street("there", 60.0, lab.wave(2))
+    strange = replace(elsewhere.trace(), cells=tuple(f"far-{i}" for i in range(4)))
+    survey = lab.survey(here, elsewhere)
+    survey = replace(survey, traces=(here.trace(), strange))
+    model = paper.PaperModel(draw_atlas(survey, 2.0, 0.0), paper.Parameters(2.0, 0.0, True, 0.0))
+    assert model.locate(here.window(0.0, 200.0), None).road_id == "here"

@@ -9,7 +9,9 @@ those, in the sum of squares.
 
 What the sources leave open: sub-areas are stretches of road of ``area_m`` (50, 100, 200, the whole
 road), the polynomial's degree is 1 to 3, and readings are averaged over the last ``average_m`` (0,
-4, 12) of the window; all chosen on held-out survey windows. Places are searched along the roads.
+10) of the window. A heard cell that a sub-area has no polynomial for (the source hears all cells
+everywhere) is wrong by ``missing_m`` (100, 500). All are chosen on held-out survey windows. Places
+are searched along the roads.
 Where cells stand is given to the method when it is known (the simulation); else it is taken as the
 mean place of the strongest twentieth of the cell's survey readings. Direction is not told.
 """
@@ -49,10 +51,12 @@ class Parameters:
     area_m: float
     degree: int
     average_m: float
+    missing_m: float = 100.0
 
 
 CHOICES = tuple(
-    Parameters(*each) for each in product((50.0, 100.0, 200.0, np.inf), (1, 2, 3), (0.0, 4.0, 12.0))
+    Parameters(*each)
+    for each in product((50.0, 100.0, 200.0, np.inf), (1, 2, 3), (0.0, 10.0), (100.0, 500.0))
 )
 
 
@@ -115,7 +119,7 @@ class CurveSearch:
         heard = int((~np.isnan(level)).sum())
         best, place, least = self._atlas.areas[0], 0, np.inf
         for area in self._atlas.areas:
-            error = _squared_error_m2(area, level, heard)
+            error = _squared_error_m2(area, level, heard, self.parameters.missing_m)
             if error is not None:
                 at = int(error.argmin())
                 if error[at] < least:
@@ -126,25 +130,20 @@ class CurveSearch:
 
 
 def _squared_error_m2(
-    area: Area, level: Floats, heard: int
+    area: Area, level: Floats, heard: int, missing_m: float
 ) -> Float32[np.ndarray, " places"] | None:
-    """
-    Sum over cells of the squared distance error at each place; None where no cell can be judged.
-
-    A heard cell without a polynomial here is as wrong as the others are on average, twice over:
-    else a sub-area that knows one cell of ten would win by knowing little.
-    """
+    """Sum over the heard cells of the squared distance error; None where none can be judged."""
     here = np.flatnonzero(~np.isnan(level[area.cells]))
     if not len(here):
         return None
     powers = level[area.cells[here]][:, None] ** np.arange(area.curves.shape[1])
     wanted = (area.curves[here] * powers).sum(axis=1).astype(np.float32)
-    error = np.zeros(area.away_m.shape[1], dtype=np.float32)
+    missing_m2 = (heard - len(here)) * missing_m**2
+    error = np.full(area.away_m.shape[1], missing_m2, dtype=np.float32)
     for row, distance_m in zip(here.tolist(), wanted, strict=True):
         difference = area.away_m[row] - distance_m
         error += difference * difference
-    share = np.float32(heard / len(here))
-    return error * share * share
+    return error
 
 
 def draw_atlas(survey: Survey, parameters: Parameters, step_m: float) -> Atlas:

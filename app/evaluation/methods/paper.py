@@ -22,6 +22,8 @@ What the paper leaves open, and what is done here:
   ``road_first`` (both) is chosen on the survey. ``Pr(s | r)`` is the share of the road's length.
 - Travel against the survey turns the sign of gradients: both ways are compared and the nearer one
   is the direction.
+- Cells that a stretch or a window does not hear (the paper's are heard everywhere) count as heard
+  at the survey's faintest percent, unchanging.
 - The mapping from RSRP to a coordinate: a cubic of each cell's RSRP along the sub-segment; the
   place whose RSRP is nearest in the sum of squares to the mean of the last ``average_m`` (0, 6).
 """
@@ -35,7 +37,7 @@ import numpy as np
 
 from app.domain import Direction, Window
 from app.evaluation.methods.base import Estimate, Previous, Survey
-from app.evaluation.methods.paper_map import KINDS, Atlas, draw_atlas, features
+from app.evaluation.methods.paper_map import KINDS, Atlas, completed, draw_atlas, features
 from app.evaluation.methods.references import CENTRE_DBM, recent_mean_dbm
 from app.evaluation.methods.tuning import choose
 from app.numerics.geodesy import Floats
@@ -88,7 +90,8 @@ class PaperModel:
         atlas = self._atlas
         columns = atlas.points.columns(window)
         smooth = recent_mean_dbm(columns, window.distance_m, self.parameters.smooth_m)
-        seen = features(smooth, window.distance_m, atlas.reference)
+        found = features(smooth, window.distance_m, atlas.reference)
+        seen = completed(found, atlas.points.floor_dbm, atlas.reference)
         segment, sign, posterior = self._match(seen)
         last = recent_mean_dbm(columns, window.distance_m, self.parameters.average_m)[-1]
         away = np.nansum((atlas.curves_db[segment] - (last - CENTRE_DBM)) ** 2, axis=1)

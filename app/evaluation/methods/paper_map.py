@@ -73,6 +73,23 @@ def features(
         )
 
 
+def completed(
+    found: Float[np.ndarray, "*rows features"], floor_dbm: float, reference: int
+) -> Float[np.ndarray, "*rows features"]:
+    """
+    Features with numbers for cells that the stretch does not hear: the floor, unchanging.
+
+    Left out instead, they would make the stretch that shares no cell with a window its best match.
+    """
+    cells = found.shape[-1] // KINDS
+    kinds = found.reshape(*found.shape[:-1], KINDS, cells)
+    mean = np.where(np.isnan(kinds[..., 1, :]), floor_dbm, kinds[..., 1, :])
+    difference = mean - mean[..., [reference]]
+    steady = np.zeros_like(mean)
+    instead = np.stack([steady, mean, steady, difference, steady], axis=-2)
+    return np.where(np.isnan(kinds), instead, kinds).reshape(found.shape)
+
+
 def _mean(values: Floats) -> Floats:
     known = ~np.isnan(values)
     if known.all() and len(values):
@@ -89,9 +106,9 @@ class Scale:
     mask: Bool[np.ndarray, "rows features"]
 
     def distance(self, seen: Float[np.ndarray, " features"], rows: slice) -> Floats:
-        """``||W (e_u - e)||`` of the rows; a feature that one side lacks is left out."""
+        """``||W (e_u - e)||`` of the rows."""
         difference = np.where(self.mask[rows], seen - self.features[rows], 0.0)
-        return np.sqrt(np.nansum(difference**2, axis=1))
+        return np.sqrt((difference**2).sum(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,8 +175,10 @@ def draw_atlas(survey: Survey, cuts_per_100_m: float, smooth_m: float) -> Atlas:
         survey=survey,
         points=points,
         reference=reference,
-        roads=Scale(np.array(road_features), road_mask),
-        segments=Scale(np.array(segment_features), segment_mask),
+        roads=Scale(completed(np.array(road_features), points.floor_dbm, reference), road_mask),
+        segments=Scale(
+            completed(np.array(segment_features), points.floor_dbm, reference), segment_mask
+        ),
         first=np.array(first),
         road=road.astype(np.intp),
         start_m=start_m,
