@@ -5,16 +5,17 @@ from __future__ import annotations
 import dataclasses
 import shutil
 import sysconfig
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from app.domain import Calibration, Window
+from app.domain import Calibration, RoadModel, Window
 from app.numerics import matching, native, observation, posterior
-from app.numerics.index import COARSE_STEPS_M, GAP
+from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.query import ask
 from app.numerics.refinement import refine
@@ -36,14 +37,20 @@ def test_the_kernels_are_built_where_they_can_be():
     assert native.BUILT
 
 
-def a_window(seed: int, extra: tuple[str, ...] = ()) -> tuple[Window, tuple]:
-    models = gentle_models(seed % 5)
-    rng = np.random.default_rng(seed)
-    sign = 1 if seed % 2 else -1
-    road = models[seed % 3]
-    return window_along(
-        road, seed, samples=int(rng.integers(1, 40)), sign=sign, extra=extra
-    ), models
+@cache
+def gentle(seed: int) -> tuple[RoadModel, ...]:
+    return gentle_models(seed)
+
+
+@cache
+def index_of(seed: int) -> MapIndex:
+    return map_of(gentle(seed))
+
+
+def a_window(seed: int, extra: tuple[str, ...] = ()) -> Window:
+    samples = int(np.random.default_rng(seed).integers(1, 40))
+    road, sign = gentle(seed % 5)[seed % 3], 1 if seed % 2 else -1
+    return window_along(road, seed, samples=samples, sign=sign, extra=extra)
 
 
 @built
@@ -67,13 +74,13 @@ def test_evidence_is_the_same(seed, samples, cells, step_m):
 
 
 @built
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(SEEDS, st.sampled_from([1.0, 4.0, 12.0]), st.sampled_from([(), ("b", "e"), ("x",)]))
 def test_tapes_are_scored_the_same(seed, stretched, extra):
     """Both directions, at every step, with cells that the tape lacks."""
-    window, models = a_window(seed, tuple(one for one in extra if one not in "abc"))
+    window = a_window(seed, tuple(one for one in extra if one not in "abc"))
     window = dataclasses.replace(window, distance_m=window.distance_m * stretched)
-    index = map_of(tiny_models(seed % 7) if seed % 2 else models)
+    index = map_of(tiny_models(seed % 7)) if seed % 2 else index_of(seed % 5)
     fast, plain = ask(index, window, in_c=True), ask(index, window)
     size = next(i for i, step in enumerate(COARSE_STEPS_M) if plain.length_m <= step * (GAP - 1))
     for tape in index.tapes:
@@ -105,13 +112,13 @@ def test_the_same_places_are_kept(levels, temperature, left_out, most):
 
 
 @built
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(SEEDS, st.sampled_from([1.0, 30.0, 90.0]), st.data())
 def test_stretches_are_scored_the_same(seed, stretched, data):
     """Within a road, off its ends, with cells that it lacks; far longer windows than roads."""
-    window, models = a_window(seed, ("e", "x"))
+    window = a_window(seed, ("e", "x"))
     window = dataclasses.replace(window, distance_m=window.distance_m * (stretched / 25.0))
-    index = map_of(models)
+    index = index_of(seed % 5)
     fast, plain = ask(index, window, in_c=True), ask(index, window)
     places, wanted = [], []
     for road in index.roads:
@@ -127,13 +134,13 @@ def test_stretches_are_scored_the_same(seed, stretched, data):
 
 
 @built
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(SEEDS, st.floats(0.2, 3.0), st.floats(0.05, 0.99), st.sampled_from([0.0, 2.0]))
 def test_refinement_and_summary_are_the_same(seed, temperature, confidence, position_sd_m):
     """From the same places: the finer ones, then road, position, radius and rivals in order."""
-    window, models = a_window(seed, ("e",))
+    window = a_window(seed, ("e",))
     calibration = Calibration(temperature=temperature, position_sd_m=position_sd_m)
-    index = map_of(models, calibration)
+    index = map_of(gentle(seed % 5), calibration)
     fast, plain = ask(index, window, in_c=True), ask(index, window)
     places = fine_places(index, fast, shortlist(index, fast))
     ours, wanted = refine(index, fast, places), refine(index, plain, places)
@@ -145,18 +152,20 @@ def test_refinement_and_summary_are_the_same(seed, temperature, confidence, posi
     for field in ("road_mass", "chainage_m", "lon", "lat", "heading_deg"):
         assert getattr(told, field) == pytest.approx(getattr(known, field), rel=1e-9, abs=1e-9)
     assert told.radius_m == pytest.approx(known.radius_m, abs=1e-4)
-    assert [rival[:3] for rival in told.rivals] == [rival[:3] for rival in known.rivals]
-    for rival, other in zip(told.rivals, known.rivals, strict=True):
+    assert told.rivals == sorted(told.rivals, key=lambda one: (-one[3], one[0], one[1], -one[2]))
+    # Nearly equal masses are ordered by their last bits.
+    for rival, other in zip(sorted(told.rivals), sorted(known.rivals), strict=True):
         assert rival == pytest.approx(other, rel=1e-9, abs=1e-12)
 
 
 @built
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(SEEDS, st.sampled_from([(), ("x",), ("e", "d2")]), st.floats(0.1, 0.95))
 def test_fixes_are_the_same(seed, extra, confidence):
     """From request to answer, whatever the kernels' sums differ by."""
-    window, models = a_window(seed, extra)
-    index = map_of(models)
+    window = a_window(seed, extra)
+    assume(len(window.distance_m) > 1)  # one sample fits both directions alike: last bits choose
+    index = index_of(seed % 5)
     fast = locate(index, window, confidence=confidence, in_c=True)
     plain = locate(index, window, confidence=confidence, in_c=False)
     for field in dataclasses.fields(fast):
@@ -173,7 +182,7 @@ def test_fixes_are_the_same(seed, extra, confidence):
 @pytest.mark.parametrize("in_c", [pytest.param(True, marks=built), False])
 def test_a_posterior_spread_thin_has_a_radius(in_c):
     """Of 20,000 places with the same mass, none is negligible."""
-    index = map_of(gentle_models(3))
+    index = index_of(3)
     count = 20_000
     values = np.zeros((posterior.VALUES, count))
     values[posterior.CHAINAGE] = np.linspace(0.0, 50.0, count)
@@ -184,8 +193,8 @@ def test_a_posterior_spread_thin_has_a_radius(in_c):
 
 def arguments(seed: int) -> dict[str, list[object]]:
     """Valid arguments of every kernel."""
-    window, models = a_window(seed)
-    index = map_of(models)
+    window = a_window(seed)
+    index = index_of(seed % 5)
     query = ask(index, window, in_c=True)
     places = fine_places(index, query, shortlist(index, query))
     tape, road, atlas = index.tapes[0], index.roads[1], index.atlas
@@ -221,12 +230,12 @@ def finer_of(places: posterior.Places) -> tuple[object, object]:
 def changed(value: object, how: int) -> object:
     """An argument spoilt in one of many ways."""
     if isinstance(value, np.ndarray):
+        far, none = (np.inf, np.nan) if value.dtype.kind == "f" else (2**62, -1)
         ways = [
             *(value[:-1].copy(), value[:0].copy(), value[..., ::-1], value[..., None]),
-            *(value.astype(np.float16), value.astype(">f8"), value.tolist(), None),
+            *(np.zeros(value.shape, dtype=np.float16), value.astype(">f8"), value.tolist(), None),
             *(np.full_like(value, 10**9), np.full_like(value, -(10**9)), np.zeros_like(value)),
-            np.full_like(value, np.nan) if value.dtype.kind == "f" else np.full_like(value, 2**62),
-            np.full_like(value, np.inf) if value.dtype.kind == "f" else np.full_like(value, -1),
+            *(np.full_like(value, far), np.full_like(value, -far), np.full_like(value, none)),
         ]
     elif isinstance(value, list | tuple):
         ways = [value[:-1], [*value, 0], [10**9] * len(value), [-5], None, [], ["x"], [2**70]]
@@ -236,15 +245,22 @@ def changed(value: object, how: int) -> object:
 
 
 @built
-@settings(max_examples=400, deadline=None)
-@given(SEEDS, st.integers(0, 7), st.integers(0, 13), st.integers(0, 155), st.integers(0, 155))
+@settings(max_examples=200, deadline=None)
+@given(
+    SEEDS,
+    st.integers(0, 7),
+    st.integers(0, 13),
+    st.integers(0, 155),
+    st.none() | st.integers(0, 155),
+)
 def test_spoilt_arguments_are_refused_or_harmless(seed, which, place, how, also):
     """Whatever a kernel is given, it answers or raises; one or two arguments are spoilt here."""
     name, given_ = list(arguments(seed % 50).items())[which]
     for step, change in ((0, how), (3, also)):
-        if change % 12 or step == 0:
+        if change is not None:
             at = (place + step) % len(given_)
-            given_[at] = changed(given_[at], change)
+            with np.errstate(over="ignore"):
+                given_[at] = changed(given_[at], change)
     kernel = getattr(native._native, name)
     try:
         kernel(*given_)

@@ -104,18 +104,20 @@ INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdi
     const float *at = along->rows + column, *base = at + along->cells * TERMS * along->columns;
     Lanes score = f->base[i] * load(base, lanes);
     score += f->outside[i] * load(base + along->columns, lanes);
-    Lanes residual = {0}, weight = {0};
+    Lanes residual = {0}, weight = {0}, silence = {0};
     for (ptrdiff_t cell = 0, k = i * f->cells; cell < f->cells; cell++, k++) {
         const float *row = at + f->row[cell] * along->columns;
         Lanes precision = load(row, lanes), pull = load(row + along->columns, lanes);
         Lanes fixed = load(row + 2 * along->columns, lanes);
         Lanes logit = load(row + 3 * along->columns, lanes);
-        score += f->square[k] * precision + f->level[k] * pull;
-        score += f->heard[k] * (f->hearing * logit - 0.5f * fixed);
-        residual += f->level[k] * precision - f->heard[k] * pull;
+        score += f->square[k] * precision;
+        residual += f->level[k] * precision;
         weight += f->heard[k] * precision;
+        score += f->level[k] * pull;
+        residual -= f->heard[k] * pull;
+        silence += f->heard[k] * (f->hearing * logit - 0.5f * fixed);
     }
-    sums[0] += score;
+    sums[0] += score + silence;
     sums[1] += residual;
     sums[2] += weight;
 }
@@ -134,21 +136,27 @@ INLINE float offset_gain(float residual, float weight, const Likelihood *likelih
     return (apart < 0.0f ? second : first) + logarithm(mixed);
 }
 
+INLINE void lay_columns(const Along *along, const Factors *f, ptrdiff_t column, int lanes,
+                        ptrdiff_t pad, float *const sums[2][3])
+{
+    for (ptrdiff_t i = 0; i < f->samples; i++) {
+        Lanes here[3] = {{0}, {0}, {0}};
+        add_columns(along, f, i, column, lanes, here);
+        for (int channel = 0; channel < 3; channel++) {
+            *(LooseLanes *)(sums[0][channel] + pad + column + f->behind[i]) += here[channel];
+            *(LooseLanes *)(sums[1][channel] + pad + column - f->behind[i]) += here[channel];
+        }
+    }
+}
+
 FOR_EACH_MACHINE
 static void lay_along(const Along *along, const Factors *f, ptrdiff_t pad, float *const sums[2][3])
 {
-    for (ptrdiff_t i = 0; i < f->samples; i++)
-        for (ptrdiff_t column = 0; column < along->columns; column += LANES) {
-            Lanes here[3] = {{0}, {0}, {0}};
-            if (column + LANES <= along->columns)
-                add_columns(along, f, i, column, LANES, here);
-            else
-                add_columns(along, f, i, column, (int)(along->columns - column), here);
-            for (int channel = 0; channel < 3; channel++) {
-                *(LooseLanes *)(sums[0][channel] + pad + column + f->behind[i]) += here[channel];
-                *(LooseLanes *)(sums[1][channel] + pad + column - f->behind[i]) += here[channel];
-            }
-        }
+    ptrdiff_t column = 0;
+    for (; column + LANES <= along->columns; column += LANES)
+        lay_columns(along, f, column, LANES, pad, sums);
+    if (column < along->columns)
+        lay_columns(along, f, column, (int)(along->columns - column), pad, sums);
 }
 
 FOR_EACH_MACHINE
@@ -169,7 +177,7 @@ int score_tape(const Told *told, const Along *along, const int64_t *positions, p
     ptrdiff_t reach = 0;
     for (ptrdiff_t i = 0; fault == 0 && i < f.samples; i++) {
         reach = f.behind[i] > reach ? f.behind[i] : reach;
-        fault = f.behind[i] < 0 ? OUT_OF_BOUNDS : 0;
+        fault = f.behind[i] < 0 || reach >= along->columns ? OUT_OF_BOUNDS : 0;
     }
     for (ptrdiff_t i = 0; fault == 0 && i < count; i++)
         if (positions[i] < reach || positions[i] >= along->columns - reach)
