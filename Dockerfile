@@ -5,13 +5,14 @@ FROM python:3.11-slim-bookworm AS build
 SHELL ["/bin/bash", "-o", "pipefail", "-c"]
 # hadolint ignore=DL3008
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends make \
+    && apt-get install -y --no-install-recommends gcc libc6-dev make \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /opt/roadprint
-# The dependencies alone first: this layer outlives changes of the code.
-COPY pyproject.toml constraints.txt README.md Makefile ./
+# The dependencies and the C half alone first: this layer outlives changes of the Python code.
+COPY pyproject.toml constraints.txt setup.py README.md Makefile ./
 COPY .ci ./.ci
-RUN mkdir app && touch app/__init__.py \
+COPY app/numerics/kernels ./app/numerics/kernels
+RUN touch app/__init__.py \
     && make install VENV=/opt/roadprint/.venv EXTRAS=
 COPY app ./app
 COPY migrations ./migrations

@@ -65,4 +65,4 @@ constraints: install ## constraints.txt anew, from what is installed now
 	@mv constraints.new constraints.txt
 
 clean: ## all that was made here, the environment and the demo's data included
-	rm -rf $(VENV) demo-data results build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) demo-data results build *.egg-info app/numerics/_native*.so .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -58,8 +58,8 @@ def summarise(index: MapIndex, places: Places, confidence: float, *, in_c: bool)
         return _summarise_in_c(index, places, confidence)
     mass = masses(places, index.calibration.temperature)
     road, road_mass = _best_road(index, places, mass)
-    density = mass / places.width_m
-    peak = int((density * (places.road == road)).argmax())
+    # The highest score is the highest density: a place's mass also grows with its length of road.
+    peak = int(np.where(places.road == road, places.score, -np.inf).argmax())
     chainage_m = _peak_chainage_m(places, mass, peak)
     atlas = index.atlas
     here = atlas.spot(np.array([road]), np.array([chainage_m]))
@@ -77,7 +77,7 @@ def summarise(index: MapIndex, places: Places, confidence: float, *, in_c: bool)
         float(atlas.plane[4, here.low[0]]),
         radius_m(away_m, mass, places.width_m, confidence, index.calibration.position_sd_m),
         int(places.score.argmax()),
-        _rivals(index, places, mass, density, spots),
+        _rivals(index, places, mass, spots),
     )
 
 
@@ -114,19 +114,18 @@ def _rivals(
     index: MapIndex,
     places: Places,
     mass: Float[np.ndarray, " places"],
-    density: Float[np.ndarray, " places"],
     spots: Spot,
 ) -> list[Rival]:
-    segment = np.asarray(index.atlas.segment[spots.low])
+    segment, score = np.asarray(index.atlas.segment[spots.low]), places.score
     key = (places.road << 33) + (segment << 1) + (places.sign < 0)
     edges = [0, *((key[1:] != key[:-1]).nonzero()[0] + 1).tolist(), len(key)]
     total: dict[int, float] = {}
     best: dict[int, int] = {}
     for start, end in pairwise(edges):
         one = int(key[start])
-        peak = start + int(density[start:end].argmax())
+        peak = start + int(score[start:end].argmax())
         total[one] = total.get(one, 0.0) + float(mass[start:end].sum())
-        if one not in best or density[peak] > density[best[one]]:
+        if one not in best or score[peak] > score[best[one]]:
             best[one] = peak
     listed = sorted((-total[one], one) for one in total if total[one] > NEGLIGIBLE)
     return [_rival(index, places, best[one], spots, -less) for less, one in listed]

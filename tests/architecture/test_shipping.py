@@ -17,7 +17,8 @@ ROOT = Path(__file__).resolve().parents[2]
 MAX_LINES = 300
 TOP_LEVEL = {
     *("app", "migrations", "tests", "openapi", "benchmarks", "docs"),
-    *("Dockerfile", "Makefile", "README.md", "CHANGELOG.md", "pyproject.toml", "constraints.txt"),
+    *("Dockerfile", "Makefile", "README.md", "CHANGELOG.md", "pyproject.toml", "setup.py"),
+    "constraints.txt",
 }
 
 

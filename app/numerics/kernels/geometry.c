@@ -61,15 +61,15 @@ ptrdiff_t list_candidates(const Places *places, const double *mass, const Atlas 
                           Candidate *listed)
 {
     const double *at_m = places->values + CHAINAGE * places->count;
-    const double *width_m = places->values + WIDTH * places->count;
+    const double *score = places->values + SCORE * places->count;
     ptrdiff_t runs = 0, count = 0;
     for (ptrdiff_t i = 0; i < places->count; i++) {
-        double share, density = mass[i] / width_m[i];
+        double share;
         ptrdiff_t low = spot(atlas, places->road[i], at_m[i], &share);
         if (low < 0)
             return low;
         Candidate one = {.road = places->road[i], .segment = atlas->segment[low],
-                         .sign = places->sign[i] < 0 ? -1 : 1, .mass = mass[i], .density = density,
+                         .sign = places->sign[i] < 0 ? -1 : 1, .mass = mass[i], .score = score[i],
                          .chainage_m = at_m[i], .order = i,
                          .lon = between(atlas, LON, low, share),
                          .lat = between(atlas, LAT, low, share)};
@@ -80,7 +80,7 @@ ptrdiff_t list_candidates(const Places *places, const double *mass, const Atlas 
         }
         one.mass += last->mass;
         one.order = last->order;
-        if (one.density > last->density)
+        if (one.score > last->score)
             *last = one;
         else
             last->mass = one.mass;
@@ -92,7 +92,7 @@ ptrdiff_t list_candidates(const Places *places, const double *mass, const Atlas 
             continue;
         }
         double sum = listed[count - 1].mass + listed[i].mass;
-        if (listed[i].density > listed[count - 1].density)
+        if (listed[i].score > listed[count - 1].score)
             listed[count - 1] = listed[i];
         listed[count - 1].mass = sum;
     }

@@ -50,7 +50,7 @@ typedef struct {
 
 typedef struct {
     int64_t road, segment, sign;
-    double mass, density, chainage_m, lon, lat;
+    double mass, score, chainage_m, lon, lat;
     ptrdiff_t order;
 } Candidate;
 

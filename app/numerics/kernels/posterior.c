@@ -81,7 +81,7 @@ int find_summit(const Places *places, const double *mass, ptrdiff_t roads, doubl
                 ptrdiff_t *road, double *road_mass, ptrdiff_t *peak, double *chainage_m)
 {
     const double *at_m = places->values + CHAINAGE * places->count;
-    const double *width_m = places->values + WIDTH * places->count;
+    const double *score = places->values + SCORE * places->count;
     double *on_road = calloc((size_t)(roads > 0 ? roads : 1), sizeof *on_road);
     if (on_road == NULL)
         return OUT_OF_MEMORY;
@@ -98,12 +98,12 @@ int find_summit(const Places *places, const double *mass, ptrdiff_t roads, doubl
     free(on_road);
     if (fault != 0)
         return fault;
-    double highest = -1.0, sum = 0.0, moment = 0.0;
-    for (ptrdiff_t i = 0; i < places->count; i++) {
-        double density = places->road[i] == *road ? mass[i] / width_m[i] : 0.0;
-        *peak = density > highest ? i : *peak;
-        highest = density > highest ? density : highest;
-    }
+    double highest = -INFINITY, sum = 0.0, moment = 0.0;
+    for (ptrdiff_t i = 0; i < places->count; i++)
+        if (places->road[i] == *road && score[i] > highest) {
+            highest = score[i];
+            *peak = i;
+        }
     for (ptrdiff_t i = 0; i < places->count; i++)
         if (fabs(at_m[i] - at_m[*peak]) <= near_m && places->road[i] == places->road[*peak] &&
             places->sign[i] == places->sign[*peak]) {

@@ -1,0 +1,105 @@
+"""
+The numeric core alone: one window against maps in memory, in C and with numpy.
+
+Both take the windows in turn, in rounds, so that what slows the machine slows both; every window is
+another one, as in a service. Beside them `locate_exhaustively`, their definition. Ends by itself.
+
+    python -m benchmarks.bench_locate [--rounds 20] [--windows 100]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from statistics import median, quantiles
+
+from app.domain import Fix, RadioMap, Window
+from app.evaluation.scenario import Scenario, build_city, preset, survey, windows
+from app.numerics import native
+from app.numerics.calibration import calibrate
+from app.numerics.exhaustive import locate_exhaustively
+from app.numerics.index import MapIndex
+from app.numerics.matching import locate
+from app.numerics.roadfit import fit_road
+
+SEED = 7
+WINDOW_M = 29.0  # 30 samples at 1 m
+SLOW_WINDOWS = 5  # exhaustive search takes as long as some dozens of fixes
+
+Locator = Callable[[MapIndex, Window], Fix]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=20)
+    parser.add_argument("--windows", type=int, default=100, help="of each kind in a round")
+    chosen = parser.parse_args(arguments)
+    print("one window of 30 samples, microseconds; half of the rounds in brackets")
+    for name, scenario in scenarios().items():
+        index, asked = mapped(scenario, chosen.windows)
+        report(name, index, measure(index, asked, chosen.rounds))
+
+
+def scenarios() -> dict[str, Scenario]:
+    """The paper's area, and towns of as many streets as the real drives cross, and more."""
+    city = preset("city")
+    return {
+        "paper, 4 roads x 6 cells": preset("paper"),
+        "city, 17 roads": replace(city, roads=17),
+        "city, 60 roads": replace(city, roads=60),
+    }
+
+
+def mapped(scenario: Scenario, count: int) -> tuple[MapIndex, list[Window]]:
+    """A surveyed city's map and windows driven through it."""
+    city = build_city(scenario, SEED)
+    passes = survey(city)
+    models = tuple(
+        fit_road(truth.road, [one for one in passes if one.road_id == truth.road.road_id])
+        for truth in city.roads
+    )
+    index = MapIndex.build(RadioMap(1, models, calibrate(models)))
+    return index, [one.window for one in windows(city, count, length_m=WINDOW_M)]
+
+
+def measure(index: MapIndex, asked: list[Window], rounds: int) -> dict[str, list[float]]:
+    """Median seconds of each round and locator; a first round warms up and is left out."""
+    ways: dict[str, tuple[Locator, list[Window]]] = {
+        "numpy": (partial(locate, in_c=False), asked),
+        "exhaustive": (locate_exhaustively, asked[:SLOW_WINDOWS]),
+    }
+    if native.BUILT:
+        ways = {"C": (partial(locate, in_c=True), asked), **ways}
+    measured: dict[str, list[float]] = {name: [] for name in ways}
+    for number in range(rounds + 1):
+        for name, (way, some) in ways.items():
+            elapsed_s = median([timed(way, index, window) for window in some])
+            if number:
+                measured[name].append(elapsed_s)
+    return measured
+
+
+def timed(way: Locator, index: MapIndex, window: Window) -> float:
+    """Seconds of one fix."""
+    started = time.perf_counter()
+    way(index, window)
+    return time.perf_counter() - started
+
+
+def report(name: str, index: MapIndex, measured: Mapping[str, list[float]]) -> None:
+    """One line a locator, with the ratio of paired rounds to the first."""
+    metres = sum(road.length_m for road in index.roads)
+    print(f"{name}, {len(index.cells)} cells, {metres / 1000:.1f} km")
+    first = next(iter(measured.values()))
+    for way, seconds in measured.items():
+        low, middle, high = (1e6 * one for one in quantiles(seconds, n=4))
+        ratio = median(one / other for one, other in zip(seconds, first, strict=True))
+        print(f"  {way:<11} {middle:9.0f}  [{low:.0f} to {high:.0f}]  x {ratio:.1f}")
+
+
+if __name__ == "__main__":
+    main()
