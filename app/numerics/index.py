@@ -111,11 +111,13 @@ class Tape:
     Attributes:
         roads: Numbers of the roads, in the order of their columns.
         column: Row of each salient cell.
+        known: Every cell that any of the roads has heard.
         levels: The same stretch at each of `COARSE_STEPS_M`.
     """
 
     roads: tuple[int, ...]
     column: dict[str, int]
+    known: frozenset[str]
     levels: tuple[CoarseProfile, ...]
 
 
@@ -231,7 +233,8 @@ def _lay_tape(models: Sequence[RoadModel], numbers: tuple[int, ...]) -> Tape:
     cells = sorted({cell for model in models for cell in salient_cells(model)})
     column = {cell: row for row, cell in enumerate(cells)}
     levels = tuple(_lay_level(models, numbers, column, step) for step in COARSE_STEPS_M)
-    return Tape(numbers, column, levels)
+    known = frozenset().union(*(model.cells for model in models))
+    return Tape(numbers, column, known, levels)
 
 
 def _lay_level(

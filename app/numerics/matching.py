@@ -85,6 +85,10 @@ def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coar
     size = next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
     tapes = [tape for tape in index.tapes if not tape.column.keys().isdisjoint(query.cells)]
     scored = [_score_tape(index, query, tape, size) for tape in tapes or index.tapes]
+    for tape, part in zip(tapes, scored, strict=False):
+        if not tape.known.issuperset(query.cells):
+            # Tapes compare only when each pays for the cells that none of its roads has heard.
+            part.score[:] += query.unmapped_score(tape.known)
     every = scored[0] if len(scored) == 1 else _joined(scored)
     if without is not None:
         every = every.take((every.road != without).nonzero()[0])

@@ -101,6 +101,11 @@ class Query:
     def _numbers(self, column: dict[str, int]) -> list[int]:
         return [column.get(cell, -1) for cell in self.cells]
 
+    def unmapped_score(self, known: frozenset[str]) -> float:
+        """Score of hearing cells that are not ``known``: the same wherever none of them is."""
+        missing = [i for i, cell in enumerate(self.cells) if cell not in known]
+        return UNMAPPED * float((self.fine.weight @ self.fine.heard[:, missing]).sum())
+
     def aim_at(self, index: MapIndex, road: int) -> Aim:
         """The window aimed at one road's fine profile; worked out once a road."""
         found = self._aims.get(road)
