@@ -220,13 +220,24 @@ def offset_gain(
     return np.asarray(np.logaddexp(first, second))
 
 
+def offset_gain_at(residual: float, weight: float, prior: OffsetPrior) -> float:
+    """`offset_gain` at one place."""
+    (first, _), (second, _) = _offset_parts(residual, weight, prior)
+    return max(first, second) + math.log1p(math.exp(-abs(first - second)))
+
+
 def offset_db(residual: float, weight: float, prior: OffsetPrior) -> float:
     """Mean of the device offset given the residual and weight at one place, in dB."""
+    (first_log, first_db), (second_log, second_db) = _offset_parts(residual, weight, prior)
+    odds = math.exp(max(min(second_log - first_log, 50.0), -50.0))
+    return (first_db + odds * second_db) / (1.0 + odds)
+
+
+def _offset_parts(residual: float, weight: float, prior: OffsetPrior) -> list[tuple[float, float]]:
+    """Of each part of the prior: the log of what it adds to the likelihood, and its mean in dB."""
     parts = []
     for variance, log_share in ((prior.like_db2, prior.like_log), (prior.any_db2, prior.any_log)):
         inflation = 1.0 + weight * variance
         log = log_share + 0.5 * residual**2 * variance / inflation - 0.5 * math.log(inflation)
         parts.append((log, residual * variance / inflation))
-    (first_log, first_db), (second_log, second_db) = parts
-    odds = math.exp(max(min(second_log - first_log, 50.0), -50.0))
-    return (first_db + odds * second_db) / (1.0 + odds)
+    return parts

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from app.domain import Calibration
-from app.numerics.observation import Evidence, OffsetPrior
+from app.numerics.observation import Evidence, OffsetPrior, offset_gain_at
 
 OFF_MAP_PRIOR = 0.05  # the largest tried that refuses under 2 % of held-out survey windows
 
@@ -27,11 +27,7 @@ def fit_per_reading(
         score, residual, weight: Of the best place.
     """
     readings = float((seen.weight @ seen.heard).sum())
-    broad = 1.0 + weight * prior.any_db2
-    like = 1.0 + weight * prior.like_db2
-    first = 0.5 * residual**2 * prior.like_db2 / like - 0.5 * math.log(like) + prior.like_log
-    second = 0.5 * residual**2 * prior.any_db2 / broad - 0.5 * math.log(broad) + prior.any_log
-    gain = max(first, second) + math.log1p(math.exp(-abs(first - second)))
+    gain = offset_gain_at(residual, weight, prior)
     free = 0.5 * residual**2 / max(weight, 1e-6)
     return (score - gain + free) / max(readings, 1e-6)
 

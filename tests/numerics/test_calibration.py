@@ -8,13 +8,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.domain import Calibration, RadioMap, Road
+from app.domain import Calibration, RadioMap, Road, Window
 from app.evaluation.scenario import survey, windows
+from app.numerics.answer import fit_at_best
 from app.numerics.calibration import MIN_WINDOWS, calibrate
 from app.numerics.evidence_table import CHOICES, COLUMNS, FIXED_COLUMNS
 from app.numerics.index import MapIndex
-from app.numerics.matching import locate
+from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.offmap import off_map_probability
+from app.numerics.query import ask
 from app.numerics.roadfit import fit_road
 from tests.factories import model_of
 from tests.numerics.cities import city_of, error_m, index_of, models_of
@@ -119,3 +121,17 @@ def test_temperature_flattens_the_answer():
             1.0 - there.off_map_posterior, abs=1e-9
         )
     assert surer >= 38
+
+
+@pytest.mark.parametrize("offset_db", [-6.0, 6.0])
+def test_an_unusual_device_is_no_stranger(offset_db):
+    """A common offset leaves the fit by which a window is judged to be on the map as it was."""
+    index = index_of(cells=6)
+    for window, _ in windows(city_of(cells=6), 20, length_m=30.0):
+        shifted = Window(window.cells, window.distance_m, window.rsrp_dbm + offset_db)
+        assert fit_of(index, shifted) == pytest.approx(fit_of(index, window), abs=0.02)
+
+
+def fit_of(index, window):
+    query = ask(index, window)
+    return fit_at_best(index, query, fine_places(index, query, shortlist(index, query)))
