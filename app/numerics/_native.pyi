@@ -54,9 +54,16 @@ def stretch(
     at: int,
     /,
 ) -> None: ...
-def unbroken_row(
-    where: Wholes, values: Floats, step_m: Floats, around: int, least: int, /
-) -> tuple[int, int, int] | None: ...
+def rows(
+    where: Wholes,
+    values: Floats,
+    step_m: Floats,
+    lowest: float,
+    around: int,
+    least: int,
+    most: int,
+    /,
+) -> list[tuple[int, int, int]]: ...
 def redrawn(
     block: Floats,
     samples: int,
@@ -83,6 +90,7 @@ def summary(
     plane: Floats,
     temperature: float,
     near_m: float,
+    foot: float,
     confidence: float,
     position_sd_m: float,
     negligible_mass: float,

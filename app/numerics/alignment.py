@@ -8,17 +8,17 @@ two-scale one tapes first and then the few stretches that matter.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float32, Int
+from jaxtyping import Float, Int
 
 from app.numerics.observation import CHANNELS, Profile
 from app.numerics.query import Aim
 
 
 def score_positions(
-    rows: Float32[np.ndarray, "rows stretch"],
-    factors: Float32[np.ndarray, "channels samples rows"],
+    rows: Float[np.ndarray, "rows stretch"],
+    factors: Float[np.ndarray, "channels samples rows"],
     columns: Int[np.ndarray, "samples positions"],
-) -> Float32[np.ndarray, "channels positions"]:
+) -> Float[np.ndarray, "channels positions"]:
     """
     Score, residual and weight of a window at positions: every sample at its own column, added up.
 
@@ -35,11 +35,12 @@ def score_positions(
 
 def align(
     along: Profile, aim: Aim, first: int, last: int, sign: int
-) -> Float32[np.ndarray, "channels positions"]:
+) -> Float[np.ndarray, "channels positions"]:
     """
     Score, residual and weight of a window ending at each column from ``first`` to ``last``.
 
-    Samples beyond the profile's ends lie on its outermost columns, which are outside the road.
+    Samples beyond the profile's ends lie on its outermost columns, which are outside the road. In
+    float64: a position must be the same on every machine, whatever order its products add up in.
 
     Args:
         sign: +1 for travel towards growing columns, -1 against.
@@ -53,4 +54,4 @@ def align(
     rows = along.rows[:, low : high + 1]
     if aim.rows is not None:
         rows = rows[aim.rows]
-    return score_positions(rows, aim.factors, columns - low)
+    return score_positions(rows.astype(np.float64), aim.factors, columns - low)

@@ -112,7 +112,8 @@ def _score_tape(index: MapIndex, query: Query, tape: Tape, size: int) -> Coarse:
     rows = level.along.rows if aim.rows is None else level.along.rows[aim.rows]
     behind = aim.behind[:, None]
     ways = np.concatenate((level.positions - behind, level.positions + behind), axis=1)
-    score, residual, weight = score_positions(rows, aim.factors, ways)
+    factors = aim.factors.astype(np.float32)  # precise enough to choose what to look at closer
+    score, residual, weight = score_positions(rows, factors, ways)
     score += offset_gain(residual, weight, index.offset_prior)
     return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
 

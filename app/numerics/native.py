@@ -31,7 +31,7 @@ try:
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 1  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 2  # a library left by an older version of the code is not used
 
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
@@ -162,11 +162,19 @@ def score_stretch(
     )
 
 
-def unbroken_row(
-    places: Places, step_m: Float[np.ndarray, " roads"], around: int, least: int
-) -> tuple[int, int, int] | None:
-    """Road of the best place, and first and end of its row; None where that is broken."""
-    return _native.unbroken_row(places.where, places.values, step_m, around, least)
+def rows(
+    places: Places,
+    step_m: Float[np.ndarray, " roads"],
+    lowest: float,
+    limits: tuple[int, int, int],
+) -> list[tuple[int, int, int]]:
+    """
+    Road, first and end of the rows that are drawn anew: twin of `app.numerics.refinement._rows`.
+
+    Args:
+        limits: Places about a peak, places that a row needs, and rows at most.
+    """
+    return _native.rows(places.where, places.values, step_m, lowest, *limits)
 
 
 def redrawn(
@@ -201,7 +209,7 @@ def summary(
     places: Places,
     atlas: tuple[Wholes, Wholes, Wholes, Floats, Floats],
     temperature: float,
-    near_m: float,
+    peak: tuple[float, float],
     radius: tuple[float, float],
     negligible: tuple[float, float],
 ) -> tuple[int, float, int, float, float, float, float, float, int, list[Rival]]:
@@ -210,10 +218,10 @@ def summary(
 
     Args:
         atlas: Start, size, sub-segments, steps and plane.
-        near_m: How far about its peak the position is averaged.
+        peak: How far about it the position is averaged in metres, and its foot.
         radius: Confidence, and the error of surveyed positions in metres.
         negligible: Mass of a place and of a rival that do not count.
     """
     return _native.summary(
-        places.where, places.values, *atlas, temperature, near_m, *radius, *negligible
+        places.where, places.values, *atlas, temperature, *peak, *radius, *negligible
     )

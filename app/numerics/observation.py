@@ -157,7 +157,7 @@ def sample_weight(behind_m: Float[np.ndarray, " samples"]) -> Float[np.ndarray, 
     return np.minimum(share_m * (1.0 / CORRELATION_M), 1.0)
 
 
-def coefficients(seen: Evidence) -> Float32[np.ndarray, "channels samples rows"]:
+def coefficients(seen: Evidence) -> Float[np.ndarray, "channels samples rows"]:
     """
     The window's side of the likelihood: what multiplies each of a profile's rows.
 
@@ -167,7 +167,7 @@ def coefficients(seen: Evidence) -> Float32[np.ndarray, "channels samples rows"]
     samples, count = seen.heard.shape
     heard = seen.heard * seen.weight[:, None]
     heard_level = heard * seen.rsrp_db
-    out = np.zeros((CHANNELS, samples, count * TERMS + 2), dtype=np.float32)
+    out = np.zeros((CHANNELS, samples, count * TERMS + 2))
     by_cell = out[:, :, :-2].reshape(CHANNELS, samples, count, TERMS)
     by_cell[0, :, :, 0] = -0.5 * heard_level * seen.rsrp_db
     by_cell[0, :, :, 1] = heard_level

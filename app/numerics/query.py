@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Int
 
 from app.domain import Window
 from app.numerics import native
@@ -33,7 +33,7 @@ class Aim:
 
     rows: Int[np.ndarray, " rows"] | None
     here: Int[np.ndarray, " chosen"] | None
-    factors: Float32[np.ndarray, "3 samples rows"]
+    factors: Float[np.ndarray, "3 samples rows"]
     behind: Int[np.ndarray, " samples"]
     constant: float
 
@@ -59,7 +59,7 @@ class Query:
     _aims: dict[int, Aim] = field(default_factory=dict)
 
     @cached_property
-    def factors(self) -> Float32[np.ndarray, "3 samples rows"]:
+    def factors(self) -> Float[np.ndarray, "3 samples rows"]:
         """The readings' side of the likelihood."""
         return coefficients(self.fine)
 

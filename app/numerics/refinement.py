@@ -21,50 +21,77 @@ from app.numerics.query import Aim, Query
 PARTS = 5  # 0.2 m: an eighth of the narrowest posteriors seen, from edge to edge
 AROUND = 3  # grid positions on either side of the best that are drawn anew
 MIN_ROW = 3  # grid positions that a neighbourhood needs
+MOST_ROWS = 6  # peaks that are drawn anew: bounds the time of a window that fits everywhere
+LIGHTEST = 7.0  # peaks under e^-7 of the highest's density share too little to be drawn
 SHARES = np.arange(PARTS) / PARTS
 
 
 def refine(index: MapIndex, query: Query, places: Places) -> Places:
     """
-    Draw the neighbourhood of the best place anew at a fifth of the grid.
+    Draw the neighbourhoods of the peaks that matter anew at a fifth of the grid.
 
     The new places replace those of the same metres, so that every metre keeps its weight.
     """
+    lowest = LIGHTEST * index.calibration.temperature
     if query.told is not None:
-        return _refine(index, query, query.told, places)
-    best = int(places.score.argmax())
-    road = int(places.where[0, best])
-    step_m = index.roads[road].step_m
-    row = _row(places, best, step_m)
-    if row is None:
-        return places
-    finer = _between(row, _bend(index, query, row, road), index.offset_prior, step_m)
-    first = max(best - AROUND, 0)
-    before, after = places.slice(0, first), places.slice(first + len(row), len(places))
-    return Places.join((before, finer, after))
+        return _refine(index, query, query.told, places, lowest)
+    for first, end in _rows(places, index.atlas.step_m[places.road], lowest):
+        row = places.slice(first, end)
+        road = int(row.road[0])
+        bend = _bend(index, query, row, road)
+        finer = _between(row, bend, index.offset_prior, index.roads[road].step_m)
+        places = Places.join((places.slice(0, first), finer, places.slice(end, len(places))))
+    return places
 
 
-def _refine(index: MapIndex, query: Query, told: native.Told, places: Places) -> Places:
+def _refine(
+    index: MapIndex, query: Query, told: native.Told, places: Places, lowest: float
+) -> Places:
     """The same with the kernels in C."""
-    found = native.unbroken_row(places, index.atlas.step_m, AROUND, MIN_ROW)
-    if found is None:
-        return places
-    number, first, end = found
-    road, like_db2 = index.roads[number], index.offset_prior.like_db2
-    aimed, bend = query.aimed(told, road.column), road.along.bend
-    return native.redrawn(aimed, bend, places, (first, end), PARTS, road.step_m, like_db2)
+    like_db2 = index.offset_prior.like_db2
+    limits = (AROUND, MIN_ROW, MOST_ROWS)
+    for number, first, end in native.rows(places, index.atlas.step_m, lowest, limits):
+        road = index.roads[number]
+        aimed, bend = query.aimed(told, road.column), road.along.bend
+        places = native.redrawn(aimed, bend, places, (first, end), PARTS, road.step_m, like_db2)
+    return places
 
 
-def _row(places: Places, best: int, step_m: float) -> Places | None:
-    """The best place and its neighbours; None where they are not one unbroken row."""
-    first, end = max(best - AROUND, 0), min(best + AROUND + 1, len(places))
-    ends = places.where[:, [first, end - 1]].tolist()
-    if end - first < MIN_ROW or ends[0][0] != ends[0][1] or ends[1][0] != ends[1][1]:
-        return None
-    chainage_m = places.chainage_m
-    length_m = float(chainage_m[end - 1] - chainage_m[first])
-    whole = abs(length_m - (end - first - 1) * step_m) < 1e-6
-    return places.slice(first, end) if whole else None
+def _rows(
+    places: Places, step_m: Float[np.ndarray, " places"], lowest: float
+) -> list[tuple[int, int]]:
+    """
+    First and end of the unbroken rows about the peaks that matter, the last row first.
+
+    Higher peaks choose first, the first of equals; rows never overlap.
+
+    Args:
+        step_m: Of the grid of each place's road.
+        lowest: How far under the highest score a peak may lie.
+    """
+    score = places.score
+    near = np.abs(np.diff(places.chainage_m) - step_m[1:]) < 1e-6
+    joined = near & (places.where[:, 1:] == places.where[:, :-1]).all(axis=0)
+    nothing = np.array([-np.inf])
+    before = np.concatenate((nothing, np.where(joined, score[:-1], -np.inf)))
+    after = np.concatenate((np.where(joined, score[1:], -np.inf), nothing))
+    peaks = (score > before) & (score >= after) & (score >= score.max() - lowest)
+    found = peaks.nonzero()[0]
+    free, rows = np.ones(len(score), dtype=bool), []
+    for peak in found[(-score[found]).argsort(kind="stable")].tolist():
+        first, end = peak, peak + 1
+        if not free[peak]:
+            continue
+        while first > max(peak - AROUND, 0) and joined[first - 1] and free[first - 1]:
+            first -= 1
+        while end < min(peak + AROUND + 1, len(score)) and joined[end - 1] and free[end]:
+            end += 1
+        if end - first >= MIN_ROW:
+            free[first:end] = False
+            rows.append((first, end))
+        if len(rows) == MOST_ROWS:
+            break
+    return sorted(rows, reverse=True)
 
 
 def _bend(index: MapIndex, query: Query, row: Places, road: int) -> Float[np.ndarray, " intervals"]:

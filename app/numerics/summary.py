@@ -14,6 +14,7 @@ from app.numerics.posterior import NEGLIGIBLE as NEGLIGIBLE_PLACE
 from app.numerics.posterior import Places, masses, radius_m
 
 PEAK_M = 15.0  # the position is the mean of the posterior this far about its peak
+FOOT = 1e-3  # of the peak's density: what lies lower moves no position, looked at or not
 NEGLIGIBLE = 1e-9  # less probable rivals are not listed; the others share their mass
 
 # Road number, sub-segment, +1 or -1, mass, and chainage, longitude and latitude of the best place.
@@ -88,7 +89,7 @@ def _summarise_in_c(index: MapIndex, places: Places, confidence: float) -> Summa
             places,
             (atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),
             calibration.temperature,
-            PEAK_M,
+            (PEAK_M, FOOT),
             (confidence, calibration.position_sd_m),
             (NEGLIGIBLE_PLACE, NEGLIGIBLE),
         )
@@ -106,7 +107,8 @@ def _best_road(
 def _peak_chainage_m(places: Places, mass: Float[np.ndarray, " places"], peak: int) -> float:
     near = np.abs(places.chainage_m - places.chainage_m[peak]) <= PEAK_M
     near &= (places.where == places.where[:, peak : peak + 1]).all(axis=0)
-    weight = mass * near
+    foot = FOOT * mass[peak] / places.width_m[peak]
+    weight = near * np.maximum(mass - foot * places.width_m, 0.0)
     return float(weight @ places.chainage_m / weight.sum())
 
 

@@ -73,7 +73,6 @@ def test_two_scales_agree_on_impaired_drives():
         assert at_an_end or fast.chainage_m == pytest.approx(slow.chainage_m, abs=ROUNDING_M)
 
 
-@pytest.mark.xfail(strict=True, reason="refine skips a row that the exhaustive list ends beside")
 def test_two_scales_agree_at_the_ends_of_roads():
     """Places within metres of a road's end are refined alike, too."""
     many = [
@@ -149,9 +148,6 @@ def test_one_sample_is_answered():
         )
 
 
-@pytest.mark.xfail(
-    strict=True, reason="refine draws one of two equal peaks finer, which moves mass"
-)
 def test_standing_still_tells_no_direction():
     """Where no distance was travelled both directions are as likely as each other."""
     index = index_of()

@@ -214,11 +214,11 @@ def arguments(seed: int) -> dict[str, list[object]]:
             *(*over_road, road.along.rows, 1, -1, 3, 7, 1.0, 60.0, index.likelihood),
             *(room.where, room.values, 2),
         ],
-        "unbroken_row": [*old, atlas.step_m, 3, 3],
+        "rows": [*old, atlas.step_m, 7.0, 3, 3, 6],
         "redrawn": [*over_road, road.along.bend, *old, 0, 3, 5, 1.0, 1.0, *finer_of(finer)],
         "summary": [
             *(*old, atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),
-            *(1.0, 15.0, 0.68, 1.0, 1e-4, 1e-9),
+            *(1.0, 15.0, 1e-3, 0.68, 1.0, 1e-4, 1e-9),
         ],
     }
 

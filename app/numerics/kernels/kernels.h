@@ -54,15 +54,22 @@ typedef struct {
     ptrdiff_t order;
 } Candidate;
 
+/* Places from `first` to `end - 1`. */
+typedef struct {
+    ptrdiff_t first, end;
+} Row;
+
 /* evidence.c */
 ptrdiff_t count_stretches(const double *distance_m, ptrdiff_t samples, double step_m);
 void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
                      ptrdiff_t width, const ptrdiff_t *columns, ptrdiff_t cells, double step_m,
                      double centre_dbm, double correlation_m, ptrdiff_t stretches, double *block);
 
-/* score.c */
+/* tape.c */
 int score_tape(const Told *told, const Along *along, const int64_t *positions, ptrdiff_t count,
                double step_m, const Likelihood *likelihood, float *score);
+
+/* stretch.c */
 int score_stretch(const Told *told, const Along *along, ptrdiff_t first, ptrdiff_t count, int sign,
                   double step_m, const Likelihood *likelihood, double *values, ptrdiff_t stride);
 
@@ -70,12 +77,12 @@ int score_stretch(const Told *told, const Along *along, ptrdiff_t first, ptrdiff
 ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, double left_out,
                        ptrdiff_t most, int64_t *kept);
 void share_mass(const Places *places, double temperature, double *mass);
-int find_summit(const Places *places, const double *mass, ptrdiff_t roads, double near_m,
+int find_summit(const Places *places, const double *mass, ptrdiff_t roads, double near_m, double foot,
                 ptrdiff_t *road, double *road_mass, ptrdiff_t *peak, double *chainage_m);
 
 /* refinement.c */
-int find_row(const Places *places, const double *step_m, ptrdiff_t roads, ptrdiff_t around,
-             ptrdiff_t least, ptrdiff_t *first, ptrdiff_t *end);
+ptrdiff_t find_rows(const Places *places, const double *step_m, ptrdiff_t roads, double lowest,
+                    ptrdiff_t around, ptrdiff_t least, ptrdiff_t most, Row *rows);
 int redraw(const Told *told, const Along *along, const Places *places, ptrdiff_t first,
            ptrdiff_t end, ptrdiff_t parts, double step_m, double like_db2, int64_t *where,
            double *values);

@@ -120,22 +120,37 @@ static PyObject *stretch(PyObject *self, PyObject *const *arguments, Py_ssize_t 
     return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
 }
 
-static PyObject *unbroken_row(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+static PyObject *list_of_rows(const Places *all, const Row *rows, ptrdiff_t count)
 {
+    PyObject *list = PyList_New(0);
+    for (ptrdiff_t i = 0; list != NULL && i < count; i++) {
+        PyObject *row = Py_BuildValue("nnn", (Py_ssize_t)all->road[rows[i].first], rows[i].first,
+                                      rows[i].end);
+        if (row == NULL || PyList_Append(list, row) < 0)
+            Py_CLEAR(list);
+        Py_XDECREF(row);
+    }
+    return list;
+}
+
+static PyObject *rows(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { MOST = 64 };
+    Row found[MOST];
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 5))
+    if (!begin(&call, arguments, given, 7))
         return NULL;
     Places all = places(&call);
     Py_ssize_t roads[1] = {-1};
     const double *step_m = array(&call, 'd', READ, 1, roads);
-    ptrdiff_t around = whole(&call), least = whole(&call), first, end;
+    double lowest = number(&call);
+    ptrdiff_t around = whole(&call), least = whole(&call), most = whole(&call), count = 0;
     demand(&call, around >= 0 && around < PTRDIFF_MAX / 2 - all.count, "not a number of places");
-    int found = call.failed ? 0 : find_row(&all, step_m, roads[0], around, least, &first, &end);
-    check(&call, found);
-    if (found > 0)
-        return release(&call, Py_BuildValue("nnn", (Py_ssize_t)all.road[first], first, end));
-    return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
+    demand(&call, most >= 0 && most <= MOST, "not a number of rows");
+    if (!call.failed)
+        check(&call, count = find_rows(&all, step_m, roads[0], lowest, around, least, most, found));
+    return release(&call, call.failed ? NULL : list_of_rows(&all, found, count));
 }
 
 static PyObject *redrawn(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
@@ -178,7 +193,7 @@ static PyObject *list_of(const Candidate *listed, ptrdiff_t count, double neglig
 
 /* What app.numerics.summary draws from places, in one go. */
 static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, double *mass,
-                         Candidate *listed, const double options[6])
+                         Candidate *listed, const double options[7])
 {
     ptrdiff_t road, peak, count, low, best = 0;
     const double *score = all->values + SCORE * all->count;
@@ -188,16 +203,16 @@ static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, doub
         heaviest = fmax(heaviest, mass[i]);
         best = score[i] > score[best] ? i : best;
     }
-    check(call, find_summit(all, mass, map->roads, options[1], &road, &road_mass, &peak,
-                            &chainage_m));
+    check(call, find_summit(all, mass, map->roads, options[1], options[2], &road,
+                            &road_mass, &peak, &chainage_m));
     check(call, low = call->failed ? 0 : spot(map, road, chainage_m, &share));
     check(call, count = call->failed ? 0 : list_candidates(all, mass, map, listed));
     if (call->failed)
         return NULL;
     double x_m = between(map, X_M, low, share), y_m = between(map, Y_M, low, share);
-    double negligible = fmin(options[4], 0.5 * heaviest);
-    check(call, radius(all, mass, map, x_m, y_m, options[2], options[3], negligible, &radius_m));
-    PyObject *list = call->failed ? NULL : list_of(listed, count, options[5]);
+    double negligible = fmin(options[5], 0.5 * heaviest);
+    check(call, radius(all, mass, map, x_m, y_m, options[3], options[4], negligible, &radius_m));
+    PyObject *list = call->failed ? NULL : list_of(listed, count, options[6]);
     if (list == NULL)
         return NULL;
     return Py_BuildValue("ndndddddnN", road, road_mass, peak, chainage_m,
@@ -209,12 +224,12 @@ static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 13))
+    if (!begin(&call, arguments, given, 14))
         return NULL;
     Places all = places(&call);
     Atlas map = atlas(&call);
-    double options[6]; /* temperature, near_m, confidence, position_sd_m, negligible of each use */
-    for (int i = 0; i < 6; i++)
+    double options[7]; /* temperature, peak's two, confidence, position_sd_m, negligible's two */
+    for (int i = 0; i < 7; i++)
         options[i] = number(&call);
     double *mass = call.failed ? NULL : malloc(sizeof *mass * (size_t)all.count);
     Candidate *listed = call.failed ? NULL : malloc(sizeof *listed * (size_t)all.count);
@@ -230,14 +245,14 @@ static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 
 static PyMethodDef methods[] = {
     KERNEL(heard_columns), KERNEL(evidence),     KERNEL(tape),    KERNEL(kept_by_mass),
-    KERNEL(stretch),       KERNEL(unbroken_row), KERNEL(redrawn), KERNEL(summary),
+    KERNEL(stretch),       KERNEL(rows),         KERNEL(redrawn), KERNEL(summary),
     {NULL, NULL, 0, NULL},
 };
 
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 1);
+    return PyModule_AddIntConstant(module, "VERSION", 2);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

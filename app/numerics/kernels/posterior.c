@@ -77,7 +77,7 @@ void share_mass(const Places *places, double temperature, double *mass)
 }
 
 /* The most probable road, its highest peak, and the mean about that; the first of equals. */
-int find_summit(const Places *places, const double *mass, ptrdiff_t roads, double near_m,
+int find_summit(const Places *places, const double *mass, ptrdiff_t roads, double near_m, double foot,
                 ptrdiff_t *road, double *road_mass, ptrdiff_t *peak, double *chainage_m)
 {
     const double *at_m = places->values + CHAINAGE * places->count;
@@ -104,11 +104,14 @@ int find_summit(const Places *places, const double *mass, ptrdiff_t roads, doubl
             highest = score[i];
             *peak = i;
         }
+    const double *width_m = places->values + WIDTH * places->count;
+    foot *= mass[*peak] / width_m[*peak];
     for (ptrdiff_t i = 0; i < places->count; i++)
         if (fabs(at_m[i] - at_m[*peak]) <= near_m && places->road[i] == places->road[*peak] &&
             places->sign[i] == places->sign[*peak]) {
-            sum += mass[i];
-            moment += mass[i] * at_m[i];
+            double counted = fmax(mass[i] - foot * width_m[i], 0.0);
+            sum += counted;
+            moment += counted * at_m[i];
         }
     *chainage_m = moment / sum;
     return 0;

@@ -2,29 +2,84 @@
 #include "kernels.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
-/* The best place and its neighbours; 0 where they are not one unbroken row. */
-int find_row(const Places *places, const double *step_m, ptrdiff_t roads, ptrdiff_t around,
-             ptrdiff_t least, ptrdiff_t *first, ptrdiff_t *end)
+/* Whether place i and the next lie one step of the grid apart on one road, one way. */
+static int joined(const Places *places, const double *step_m, ptrdiff_t i)
+{
+    const double *at_m = places->values + CHAINAGE * places->count;
+    return places->road[i] == places->road[i + 1] && places->sign[i] == places->sign[i + 1] &&
+           fabs(at_m[i + 1] - at_m[i] - step_m[places->road[i]]) < 1e-6;
+}
+
+static int is_peak(const Places *places, const double *step_m, ptrdiff_t i)
 {
     const double *score = places->values + SCORE * places->count;
-    const double *at_m = places->values + CHAINAGE * places->count;
-    ptrdiff_t best = 0;
-    for (ptrdiff_t i = 1; i < places->count; i++)
-        best = score[i] > score[best] ? i : best;
-    *first = best > around ? best - around : 0;
-    *end = best + around + 1 < places->count ? best + around + 1 : places->count;
-    if (*end - *first < least || *end - *first < 2)
+    if (i > 0 && joined(places, step_m, i - 1) && !(score[i] > score[i - 1]))
         return 0;
-    ptrdiff_t last = *end - 1;
-    int64_t road = places->road[best];
-    if (road < 0 || road >= roads)
-        return OUT_OF_BOUNDS;
-    if (places->road[*first] != places->road[last] || places->sign[*first] != places->sign[last])
-        return 0;
-    double length_m = at_m[last] - at_m[*first];
-    return fabs(length_m - (double)(last - *first) * step_m[road]) < 1e-6;
+    return i + 1 == places->count || !joined(places, step_m, i) || score[i] >= score[i + 1];
+}
+
+static int taken(const Row *rows, ptrdiff_t count, ptrdiff_t i)
+{
+    for (ptrdiff_t row = 0; row < count; row++)
+        if (rows[row].first <= i && i < rows[row].end)
+            return 1;
+    return 0;
+}
+
+static Row row_about(const Places *places, const double *step_m, ptrdiff_t peak, ptrdiff_t around,
+                     const Row *rows, ptrdiff_t count)
+{
+    Row row = {peak, peak + 1};
+    while (row.first > 0 && row.first > peak - around && joined(places, step_m, row.first - 1) &&
+           !taken(rows, count, row.first - 1))
+        row.first--;
+    while (row.end < places->count && row.end < peak + around + 1 &&
+           joined(places, step_m, row.end - 1) && !taken(rows, count, row.end))
+        row.end++;
+    return row;
+}
+
+static int later(const void *left, const void *right)
+{
+    const Row *a = left, *b = right;
+    return (a->first < b->first) - (a->first > b->first);
+}
+
+/* Rows about the peaks that matter, the last one first; how many they are. */
+ptrdiff_t find_rows(const Places *places, const double *step_m, ptrdiff_t roads, double lowest,
+                    ptrdiff_t around, ptrdiff_t least, ptrdiff_t most, Row *rows)
+{
+    const double *score = places->values + SCORE * places->count;
+    double top = -INFINITY;
+    for (ptrdiff_t i = 0; i < places->count; i++) {
+        if (places->road[i] < 0 || places->road[i] >= roads)
+            return OUT_OF_BOUNDS;
+        top = score[i] > top ? score[i] : top;
+    }
+    double lowered = INFINITY; /* peaks are chosen in falling order: this is the one before */
+    ptrdiff_t before = -1, count = 0;
+    while (count < most) {
+        ptrdiff_t peak = -1;
+        for (ptrdiff_t i = 0; i < places->count; i++)
+            if (score[i] >= top - lowest && (peak < 0 || score[i] > score[peak]) &&
+                (score[i] < lowered || (score[i] == lowered && i > before)) &&
+                is_peak(places, step_m, i))
+                peak = i;
+        if (peak < 0)
+            break;
+        lowered = score[peak];
+        before = peak;
+        if (taken(rows, count, peak))
+            continue;
+        Row row = row_about(places, step_m, peak, around, rows, count);
+        if (row.end - row.first >= least && row.end - row.first >= 2)
+            rows[count++] = row;
+    }
+    qsort(rows, (size_t)count, sizeof *rows, later);
+    return count;
 }
 
 /* How far the score lies above the straight line from one grid position to the next. */
