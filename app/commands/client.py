@@ -19,8 +19,9 @@ from app.commands.target import (
     Refused,
     Unreachable,
     road_document,
+    survey_document,
 )
-from app.domain import Road
+from app.domain import Road, Trace
 
 TIMEOUT_S = 60.0  # storing a long drive on a busy disk
 POLL_S = 0.5
@@ -59,6 +60,10 @@ class HttpTarget:
         stored = answer.json()
         replayed = "idempotency-replayed" in answer.headers
         return Posted(stored["survey_id"], tuple(stored["roads"]), replayed)
+
+    def post_trace(self, trace: Trace, key: str | None) -> Posted:
+        """Store one survey whose values are sound already, without building."""
+        return self.post_survey(survey_document(trace), key)
 
     def request_build(self, road_ids: Sequence[str] | None) -> BuildView:
         """Ask for a build of these roads, of all when None."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import typer
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from app.commands.console import (
@@ -17,11 +19,12 @@ from app.commands.console import (
     follow_build,
     open_target,
     out,
-    progress_bar,
 )
-from app.commands.intake import Intake, take_in
+from app.commands.intake import Intake, Wishes, is_folder_of_drives, take_in
 from app.commands.settings import DataDir
 from app.evaluation.dataset import is_dataset
+from app.formats.options import Options
+from app.formats.sniff import FORMATS
 
 
 def import_(
@@ -29,47 +32,106 @@ def import_(
         list[Path],
         typer.Argument(
             metavar="PATH...",
-            help="Data set folders (roads.geojson, passes_index.csv, passes.csv.gz), tidy CSV "
-            "files (time_s,lon,lat,cell_id,rsrp_dbm) or survey JSON files.",
+            help="Drive test files of any known format, gzipped or not; or data set folders.",
         ),
     ],
     road_id: Annotated[
-        str | None, typer.Option(help="The road that a CSV or JSON file was driven on.")
+        str | None, typer.Option(help="The road that the files were driven on.")
     ] = None,
+    format_: Annotated[
+        str | None,
+        typer.Option("--format", metavar="NAME", help=f"Instead of looking: {', '.join(FORMATS)}."),
+    ] = None,
+    time_zone: Annotated[
+        str,
+        typer.Option(metavar="ZONE", help="Of times written without one, such as Africa/Dakar."),
+    ] = "UTC",
+    device: Annotated[str | None, typer.Option(help="Name of the device that measured.")] = None,
     url: Url = None,
     data: DataDir = None,
     *,
+    keep_going: Annotated[
+        bool, typer.Option(help="Take the sound rows of files that are broken in part.")
+    ] = False,
+    include_tests: Annotated[
+        bool, typer.Option(help="Take the drives, too, that drives_index.csv keeps for testing.")
+    ] = False,
     build: Annotated[bool, typer.Option(help="Build the map when all is in.")] = True,
 ) -> None:
     """
-    Import surveys, build the map and tell what became of every pass and row.
+    Import drives, build the map and tell what became of every drive and row.
 
-    Only survey passes of a data set are taken in; its test passes stay for testing. Importing the
-    same files again changes nothing.
+    The format is found by content: tidy CSV, G-NetTrack Pro (text, KML), OpenCelliD measurements,
+    geosubmit, Network Survey (CSV, JSON), R&S ROMES, survey JSON. A file that is wrong, or broken
+    in part, stores nothing; of a broken one `--keep-going` takes what is sound. Of data sets only
+    survey drives are taken in. Importing the same files again changes nothing.
     """
+    wishes = Wishes(
+        options=Options(zone=_zone(time_zone), device=device, fast=True),
+        road_id=road_id,
+        format=_known(format_),
+        keep_going=keep_going,
+        include_tests=include_tests,
+    )
     for path in paths:
-        if not path.exists() or (path.is_dir() and not is_dataset(path)):
-            missing = "no such file" if not path.exists() else "not a data set folder"
-            err.print(f"{path}: {missing}", highlight=False, soft_wrap=True)
-            raise typer.Exit(USAGE)
+        _refuse_missing(path)
     intake = Intake()
     with open_target(url, data) as target:
-        with progress_bar("passes") as bar:
+        with _bar() as bar:
             for path in paths:
-                take_in(target, path, road_id, intake, bar)
+                take_in(target, path, wishes, intake, bar)
         out.print(_account(intake))
+        for sentence in intake.broken:
+            err.print(f"[red]nothing stored of[/] {sentence}", highlight=False, soft_wrap=True)
         if not intake.stored:
             err.print("[red]no survey was taken in[/]")
             raise typer.Exit(FAULT)
         if build:
             conclude(follow_build(target, target.request_build(sorted(intake.roads) or None)))
-    if intake.refused:
+    if intake.refused or intake.broken:
         raise typer.Exit(FAULT)
+
+
+def _refuse_missing(path: Path) -> None:
+    folder = path.is_dir()
+    if path.exists() and not (folder and not (is_dataset(path) or is_folder_of_drives(path))):
+        return
+    missing = "not a data set folder" if folder else "no such file"
+    err.print(f"{path}: {missing}", highlight=False, soft_wrap=True)
+    raise typer.Exit(USAGE)
+
+
+def _zone(name: str) -> ZoneInfo:
+    try:
+        return ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        err.print(f"--time-zone {name}: no such zone; write it as Europe/Berlin or UTC")
+        raise typer.Exit(USAGE) from None
+
+
+def _known(format_: str | None) -> str | None:
+    if format_ is not None and format_ not in FORMATS:
+        err.print(f"--format {format_}: there are {', '.join(FORMATS)}")
+        raise typer.Exit(USAGE)
+    return format_
+
+
+def _bar() -> Progress:
+    """A bar of bytes a file."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f}%"),
+        TimeElapsedColumn(),
+        console=out,
+    )
 
 
 def _account(intake: Intake) -> Table:
     """What became of everything that was read."""
     table = Table(title="import", title_justify="left", show_header=False)
+    for sentence in intake.formats:
+        table.add_row("format", sentence)
     table.add_row("passes read", f"{intake.passes:,}")
     table.add_row("surveys stored", f"{intake.posted:,}")
     if intake.replayed:
@@ -80,8 +142,19 @@ def _account(intake: Intake) -> Table:
         table.add_row(f"[red]refused[/]: {reason}", f"{len(refusals):,}")
         for refusal in refusals[:3]:
             table.add_row("", refusal)
-    table.add_row("rows read", f"{intake.account.rows:,}")
-    table.add_row("samples read", f"{intake.account.samples:,}")
-    for reason, rows in intake.account.dropped.most_common():
-        table.add_row(f"rows dropped: {reason}", f"{rows:,}")
+    _add_rows(table, intake)
     return table
+
+
+def _add_rows(table: Table, intake: Intake) -> None:
+    account = intake.account
+    table.add_row("rows read", f"{account.rows:,}")
+    table.add_row("samples read", f"{account.samples:,}")
+    if intake.global_ids:
+        table.add_row("cells with a global id", f"{len(intake.global_ids):,}")
+    for reason, rows in account.dropped.most_common():
+        places = account.places(reason)
+        where = f" (line {places})" if places else ""
+        table.add_row(f"rows dropped: {reason}", f"{rows:,}{where}")
+    for sentence, count in account.notes.items():
+        table.add_row("note", sentence if count == 1 else f"{sentence}: {count:,}")

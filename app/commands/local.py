@@ -17,7 +17,7 @@ from app.api.state import Limits
 from app.api.surveys import Described, trace_of_json
 from app.api.windows import window_of
 from app.commands.target import BuildView, Document, Posted, Refused
-from app.domain import Road
+from app.domain import Road, Trace
 from app.errors import NoMap, RoadprintError
 from app.numerics.index import MapIndex
 from app.services.builds import BuildState, get_build, request_build
@@ -69,6 +69,13 @@ class LocalTarget:
         """Store one survey, checked as the API checks it, without building."""
         try:
             trace = trace_of_json(orjson.dumps(document), Described())
+        except RoadprintError as error:
+            raise Refused(error.code, str(error)) from error
+        return self.post_trace(trace, key)
+
+    def post_trace(self, trace: Trace, key: str | None) -> Posted:
+        """Store one survey whose values are sound already, without building."""
+        try:
             accepted = accept_survey(self._engine, trace, idempotency_key=key, build=False)
         except RoadprintError as error:
             raise Refused(error.code, str(error)) from error

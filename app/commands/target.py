@@ -72,6 +72,9 @@ class Target(Protocol):
     def post_survey(self, document: Document, key: str | None) -> Posted:
         """Store one survey, without building. ``key`` makes a second post of it harmless."""
 
+    def post_trace(self, trace: Trace, key: str | None) -> Posted:
+        """Store one survey whose values are sound already, without building."""
+
     def request_build(self, road_ids: Sequence[str] | None) -> BuildView:
         """Ask for a build of these roads, of all when None."""
 
