@@ -22,9 +22,10 @@ class Drive:
     A pass along a road, seen as a vehicle would know it.
 
     Attributes:
-        chainage_m: Where each sample lies along the road: its position dropped on the line.
-        travelled_m: The way so far, non-decreasing. It stands in for an odometer: the progress
-            along the road, without the steps back that position noise makes while the car stands.
+        chainage_m: Where each sample lies along the road; NaN where that is not known.
+        travelled_m: The way so far, non-decreasing: of the vehicle's odometer where there is one.
+            Else the progress along the road stands in, without the steps back that position noise
+            makes while the car stands.
     """
 
     trace: Trace
@@ -40,7 +41,7 @@ class Drive:
 
 
 def drive_of(trace: Trace, road_id: str, line: Line, direction: Direction) -> Drive:
-    """The pass with its chainage and travelled way."""
+    """The pass with each position dropped on the line, its progress in place of an odometer."""
     chainage_m = project(line, trace.lon, trace.lat).chainage_m
     progress_m = direction.sign * (chainage_m - chainage_m[0])
     travelled_m = np.maximum.accumulate(progress_m)

@@ -2,7 +2,8 @@
 Real drives as surveys to learn from and drives to test on; split by pass and day, never by sample.
 
 Two layouts: passes along known streets (`app.evaluation.dataset`), and whole drives of one route
-(``drives_index.csv`` and ``drives.csv.gz``), whose centre line the survey's drives give.
+(``drives_index.csv`` and ``drives.csv.gz``), whose centre line the survey's drives give and along
+which every drive is followed from end to end (`app.evaluation.route`).
 """
 
 from __future__ import annotations
@@ -15,16 +16,17 @@ from pathlib import Path
 
 import numpy as np
 
-from app.domain import Direction, Line, Road, Trace
+from app.domain import Line, Road, Trace
 from app.evaluation.dataset import BadDataset, is_dataset, read_index, read_roads, stream_passes
 from app.evaluation.passes import Drive, drive_of
+from app.evaluation.route import follow, odometer_m
+from app.evaluation.route_line import draw_line
 from app.evaluation.tidy import Account, read_passes
-from app.numerics.geodesy import distance_m
+from app.numerics.geodesy import Floats
+from app.numerics.lines import point_at
 
 DRIVES_INDEX, DRIVES = "drives_index.csv", "drives.csv.gz"
 ROUTE = "route"
-SMOOTHED_SAMPLES = 9  # positions are rounded to some 11 m: single ones make a line of zigzags
-VERTEX_M = 25.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,45 +84,44 @@ def _streets(folder: Path) -> RealData:
 def _route(folder: Path) -> RealData:
     with (folder / DRIVES_INDEX).open(encoding="utf-8", newline="") as file:
         roles = {row["trace_id"]: row["role"] for row in csv.DictReader(file)}
-    traces = {each.pass_id: each.trace for each in read_passes(_as_passes(folder), Account())}
-    survey = [
-        replace(trace, road_id=ROUTE)
-        for name, trace in traces.items()
-        if roles.get(name) == "survey"
-    ]
-    if not survey:
+    drives: dict[str, list[tuple[Trace, Floats | None]]] = {"survey": [], "test": []}
+    for each in read_passes(_as_passes(folder), Account()):
+        if roles.get(each.pass_id) in drives:
+            trace = replace(each.trace, road_id=ROUTE)
+            told = not np.isnan(each.speed_mps).any()
+            odometer = odometer_m(trace.time_s, each.speed_mps) if told else None
+            drives[roles[each.pass_id]].append((trace, odometer))
+    if not drives["survey"]:
         raise BadDataset(f"{folder}: no drive has the role survey")
-    line = _route_line(survey)
-    tests = tuple(
-        _along(replace(trace, road_id=ROUTE), line)
-        for name, trace in traces.items()
-        if roles.get(name) == "test"
+    line = draw_line(*zip(*drives["survey"], strict=True))
+    laid = (_surveyed(line, trace, odometer) for trace, odometer in drives["survey"])
+    survey = tuple(trace for trace in laid if len(trace.time_s))
+    tests = tuple(_driven(line, trace, odometer) for trace, odometer in drives["test"])
+    return RealData((Road(ROUTE, ROUTE, line),), survey, tests)
+
+
+def _surveyed(line: Line, trace: Trace, travelled_m: Floats | None) -> Trace:
+    """A survey drive with its positions on the line; samples of no known place left out."""
+    chainage_m = follow(line, trace, travelled_m).chainage_m
+    known = ~np.isnan(chainage_m)
+    place = point_at(line, chainage_m[known])
+    return replace(
+        trace,
+        time_s=trace.time_s[known],
+        lon=place.lon,
+        lat=place.lat,
+        rsrp_dbm=trace.rsrp_dbm[known],
     )
-    return RealData((Road(ROUTE, ROUTE, line),), tuple(survey), tests)
 
 
-def _route_line(survey: list[Trace]) -> Line:
-    """
-    The way of the survey drive of median length in time, smoothed.
-
-    Drives of a long route that meets itself cannot be averaged by place.
-    """
-    typical = sorted(survey, key=lambda trace: float(trace.time_s[-1]))[len(survey) // 2]
-    even = np.ones(SMOOTHED_SAMPLES) / SMOOTHED_SAMPLES
-    lon = np.convolve(typical.lon, even, mode="valid")
-    lat = np.convolve(typical.lat, even, mode="valid")
-    kept = [0]
-    for i in range(1, len(lon)):
-        if distance_m(lon[kept[-1]], lat[kept[-1]], lon[i], lat[i]) >= VERTEX_M:
-            kept.append(i)
-    return Line(lon[kept], lat[kept])
-
-
-def _along(trace: Trace, line: Line) -> Drive:
-    one = drive_of(trace, ROUTE, line, Direction.FORWARD)
-    if one.chainage_m[-1] >= one.chainage_m[0]:
-        return one
-    return drive_of(trace, ROUTE, line, Direction.BACKWARD)
+def _driven(line: Line, trace: Trace, travelled_m: Floats | None) -> Drive:
+    """A test drive with its odometer; without one, its progress along the line stands in."""
+    direction, chainage_m = follow(line, trace, travelled_m)
+    if travelled_m is None:
+        known = np.flatnonzero(~np.isnan(chainage_m))
+        steady_m = np.interp(np.arange(len(chainage_m)), known, chainage_m[known])
+        travelled_m = np.maximum.accumulate(direction.sign * (steady_m - steady_m[0]))
+    return Drive(trace, ROUTE, line, direction, chainage_m, travelled_m)
 
 
 def _as_passes(folder: Path) -> Iterator[str]:

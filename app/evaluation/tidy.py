@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
 import numpy as np
+from jaxtyping import Float
 
 from app.domain import LTE_RSRP_RANGE_DBM, Trace
 from app.errors import RoadprintError
@@ -40,7 +41,11 @@ class Account:
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Where in a row each value stands; ``pass_id`` is None when the file is one pass."""
+    """
+    Where in a row each value stands.
+
+    ``pass_id`` is None when the file is one pass, ``speed_mps`` when it has no such column.
+    """
 
     pass_id: int | None
     time_s: int
@@ -48,6 +53,7 @@ class Columns:
     lat: int
     cell_id: int
     rsrp_dbm: int
+    speed_mps: int | None
 
     @classmethod
     def of(cls, header: list[str]) -> Columns:
@@ -63,16 +69,24 @@ class Columns:
         if missing or time_s is None:
             names = ", ".join(missing + (["time_s"] if time_s is None else []))
             raise BadTable(f"no column {names} among {', '.join(header)[:200]}")
-        return cls(at.get("pass_id"), time_s, at["lon"], at["lat"], at["cell_id"], at["rsrp_dbm"])
+        place = (at["lon"], at["lat"], at["cell_id"], at["rsrp_dbm"])
+        return cls(at.get("pass_id"), time_s, *place, at.get("speed_mps"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pass:
-    """One pass of a file, in the file's order; ``pass_id`` is empty when the file names none."""
+    """
+    One pass of a file, in the file's order.
+
+    Attributes:
+        pass_id: Empty when the file names none.
+        speed_mps: Of each sample, NaN where the file has none.
+    """
 
     pass_id: str
     trace: Trace
     dropped: Counter[str]
+    speed_mps: Float[np.ndarray, " samples"]
 
 
 def read_passes(lines: Iterable[str], account: Account) -> Iterator[Pass]:
@@ -115,6 +129,7 @@ class _Building:
     time_s: list[float] = field(default_factory=list)
     lon: list[float] = field(default_factory=list)
     lat: list[float] = field(default_factory=list)
+    speed_mps: list[float] = field(default_factory=list)
     cells: dict[str, int] = field(default_factory=dict)
     readings: dict[tuple[int, int], float] = field(default_factory=dict)
     dropped: Counter[str] = field(default_factory=Counter)
@@ -155,7 +170,7 @@ class _Building:
             rsrp_dbm=rsrp_dbm,
             recorded_at=datetime.fromtimestamp(start_s, UTC) if known else None,
         )
-        yield Pass(self.pass_id, trace, self.dropped)
+        yield Pass(self.pass_id, trace, self.dropped, np.array(self.speed_mps))
 
     def _begin_sample(self, row: list[str], columns: Columns) -> str | None:
         """Start the sample of a row; the reason why not."""
@@ -169,6 +184,8 @@ class _Building:
         self.time_s.append(time_s)
         self.lon.append(lon)
         self.lat.append(lat)
+        speed = math.nan if columns.speed_mps is None else _number(row[columns.speed_mps])
+        self.speed_mps.append(speed)
         self.last_time = row[columns.time_s]
         return None
 

@@ -9,7 +9,8 @@ import pytest
 
 from app.domain import Window
 from app.evaluation.methods import METHODS, Confident, Previous
-from app.evaluation.tours import city_drives, tour
+from app.evaluation.protocols import tour
+from app.evaluation.scenario import city_drives
 from app.numerics import exhaustive, matching
 from app.numerics.geodesy import distance_m
 

@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from app.evaluation.protocols import PROTOCOLS, Protocol
 from app.evaluation.scenario import Scenario, preset
-from app.evaluation.tours import PROTOCOLS, Protocol
 
 WINDOW_M = 30.0
 REAL_WINDOWS_M = (50.0, 100.0, 200.0, 400.0)

@@ -16,9 +16,9 @@ from app.evaluation.bound import least_sd_m
 from app.evaluation.experiments.plan import WINDOW_M, Case, Job, Setting
 from app.evaluation.methods import METHODS, Confident, Estimate, Model, Place, Previous, Survey
 from app.evaluation.passes import Drive
+from app.evaluation.protocols import WINDOWS_A_DRIVE, Asked, tour
 from app.evaluation.realdata import RealData, load
-from app.evaluation.scenario import City, build_city, survey
-from app.evaluation.tours import WINDOWS_A_DRIVE, Asked, city_drives, tour
+from app.evaluation.scenario import City, build_city, city_drives, survey
 from app.numerics.geodesy import LocalFrame, distance_m
 
 Clock = Callable[[], float]

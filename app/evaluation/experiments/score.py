@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from app.evaluation.bound import MEAN_ABSOLUTE
 from app.evaluation.experiments.plan import Job, Point
-from app.evaluation.scenario.streams import Purpose, stream
+from app.evaluation.streams import Purpose, stream
 from app.numerics.geodesy import Floats
 
 REDRAWS = 1000

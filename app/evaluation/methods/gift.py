@@ -28,7 +28,7 @@ from app.domain import Direction, Window
 from app.evaluation.methods.base import Estimate, Previous, Survey
 from app.evaluation.methods.references import References, lay_references, recent_mean_dbm
 from app.evaluation.methods.tuning import choose
-from app.evaluation.scenario.streams import Purpose, stream
+from app.evaluation.streams import Purpose, stream
 from app.numerics.geodesy import Floats
 
 name = "gift"

@@ -11,7 +11,7 @@ import numpy as np
 from app.domain import Direction, Trace
 from app.evaluation.methods.base import Model, Previous, Survey
 from app.evaluation.passes import Drive, drive_of
-from app.evaluation.tours import PROTOCOLS, Asked, tour
+from app.evaluation.protocols import PROTOCOLS, Asked, tour
 from app.numerics.geodesy import distance_m
 
 P = TypeVar("P")

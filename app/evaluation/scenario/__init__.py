@@ -10,7 +10,7 @@ from app.evaluation.scenario.build import build_city
 from app.evaluation.scenario.city import City, RoadTruth
 from app.evaluation.scenario.drives import drive, survey
 from app.evaluation.scenario.params import PRESETS, Scenario, preset
-from app.evaluation.scenario.windows import windows
+from app.evaluation.scenario.windows import city_drives, windows
 
 __all__ = [
     "PRESETS",
@@ -18,6 +18,7 @@ __all__ = [
     "RoadTruth",
     "Scenario",
     "build_city",
+    "city_drives",
     "drive",
     "preset",
     "survey",

@@ -14,7 +14,7 @@ from app.evaluation.scenario.params import Scenario
 from app.evaluation.scenario.propagation import ABOVE_ROOFTOP, BELOW_ROOFTOP, blended_loss_db
 from app.evaluation.scenario.shadowing import Field
 from app.evaluation.scenario.sight import seen_share, sees
-from app.evaluation.scenario.streams import Purpose, stream
+from app.evaluation.streams import Purpose, stream
 from app.numerics.geodesy import LocalFrame
 from app.numerics.lines import length_m
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from app.domain import LTE_RSRP_RANGE_DBM, Direction, Trace
 from app.evaluation.scenario.city import City, RoadTruth
 from app.evaluation.scenario.params import Scenario
-from app.evaluation.scenario.streams import Purpose, stream
+from app.evaluation.streams import Purpose, stream
 from app.numerics.geodesy import metres_per_degree
 from app.numerics.lines import point_at
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from app.evaluation.scenario.params import Scenario
-from app.evaluation.scenario.streams import Purpose, stream
+from app.evaluation.streams import Purpose, stream
 
 SMALL_EIRP_DBM = 11.0  # 5 W and 5 dBi, spread over the 1200 resource elements of 20 MHz
 MACRO_EIRP_DBM = 30.0  # 40 W and 15 dBi, the same

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from app.evaluation.scenario.layout import Layout, Street
-from app.evaluation.scenario.streams import Purpose, stream
+from app.evaluation.streams import Purpose, stream
 
 BLOCK_GROWTH = 1e3  # how far a block's weights may spread: keeps 13 of float64's 16 digits
 

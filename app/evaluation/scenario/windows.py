@@ -1,17 +1,39 @@
-"""Windows of fresh drives, each with its truth."""
+"""Fresh drives of a city, and windows of them, each with its truth."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Iterator
+from itertools import count as numbers
 
 import numpy as np
 
 from app.domain import Direction, Window
+from app.evaluation.passes import Drive, drive_of
+from app.evaluation.protocols import Protocol, tour
 from app.evaluation.scenario.city import City, RoadTruth
-from app.evaluation.scenario.drives import report
-from app.evaluation.scenario.streams import Purpose, stream
+from app.evaluation.scenario.drives import drive, report
+from app.evaluation.streams import Purpose, stream
 from app.evaluation.truth import Labelled, Truth
 from app.numerics.lines import point_at
+
+
+def city_drives(city: City) -> Iterator[Drive]:
+    """
+    Endless fresh drives over every road both ways, each vehicle with its odometer.
+
+    The odometer's scale is drawn per drive; positions stay true.
+    """
+    scenario = city.scenario
+    ways = list(Direction) if scenario.both_directions else [Direction.FORWARD]
+    for number in numbers():
+        for truth in city.roads:
+            for way in ways:
+                trace = drive(city, truth.road_id, way, number)
+                one = drive_of(trace, truth.road_id, truth.line, way)
+                key = (truth.index, 0 if way is Direction.FORWARD else 1, number)
+                error = stream(city.seed, Purpose.ODOMETER, *key).normal()
+                scale = 1.0 + scenario.odometer_error_sd * float(error)
+                yield one.with_odometer(one.travelled_m * scale)
 
 
 def windows(
@@ -20,23 +42,24 @@ def windows(
     *,
     length_m: float | None = 30.0,
     duration_s: float | None = None,
-    protocol: Literal["anywhere"] = "anywhere",
+    protocol: Protocol = "anywhere",
 ) -> list[Labelled]:
     """
-    Windows that end anywhere on the roads, each by a vehicle of its own.
-
-    A road is drawn in proportion to the room it has for such a window. Window ``i`` is the same
-    however many are asked for.
+    Windows under a protocol (`app.evaluation.protocols`). More of them begin with the same ones.
 
     Args:
         length_m: Travelled distance from first to last sample, at most; a multiple of the spacing.
         duration_s: Instead of it: the time from first to last sample.
-        protocol: ``anywhere``: ends are uniform along the road.
+        protocol: ``anywhere``: each by a vehicle of its own, on a road drawn in proportion to the
+            room it has for such a window, its end uniform along the road. ``aligned``: whole fresh
+            drives over every road, cut at their own singular points; the length has no say.
 
     Raises:
         ValueError: No road is long enough, or the window holds fewer than two samples.
     """
-    del protocol  # one so far: said by the caller so that results name it
+    if protocol == "aligned":
+        found = tour(city_drives(city), count, protocol=protocol, length_m=0.0, seed=city.seed)
+        return [Labelled(asked.window, asked.truth) for asked in found]
     scenario = city.scenario
     reach_m = length_m if duration_s is None else duration_s * scenario.speed_mps
     if reach_m is None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from app.domain import Direction
-from app.evaluation.scenario import build_city, preset
-from app.evaluation.tours import PROTOCOLS, city_drives, singular_points_m, tour
+from app.evaluation.protocols import PROTOCOLS, SPANS, singular_points_m, tour
+from app.evaluation.scenario import build_city, city_drives, preset, windows
 
 SEED = 5
 
@@ -84,3 +84,42 @@ def test_an_odometer_scales_the_way_and_not_the_truth():
         np.testing.assert_allclose(ratio, ratio[0])
         factors.append(ratio[0])
     assert 0.005 < np.std(factors) < 0.15
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_city_gives_windows_under_both_protocols(city, protocol):
+    """The short way to either kind: labelled, reproducible, the fewer are the first of the more."""
+    few, many = (windows(city, count, protocol=protocol) for count in (9, 21))
+    assert len(many) == 21
+    for (one, truth), (other, same) in zip(few, many, strict=False):
+        np.testing.assert_array_equal(one.rsrp_dbm, other.rsrp_dbm)
+        assert truth == same
+
+
+def test_aligned_windows_of_a_city_are_those_of_its_drives(city):
+    """The short way asks what a tour asks."""
+    short = windows(city, 12, protocol="aligned")
+    asked = tour(city_drives(city), 12, protocol="aligned", length_m=30.0, seed=SEED)
+    assert [truth for _, truth in short] == [each.truth for each in asked]
+
+
+def test_every_protocol_has_its_spans(city):
+    """Spans run forward within the drive; only `anywhere` looks at length and chance."""
+    one = next(iter(city_drives(city)))
+    assert tuple(SPANS) == PROTOCOLS
+    for protocol, spans in SPANS.items():
+        found = [spans(one, 30.0, 5, np.random.default_rng(seed)) for seed in (1, 2)]
+        assert all(0.0 <= a < b <= one.travelled_m[-1] + 1.0 for a, b in found[0])
+        assert (found[0] == found[1]) == (protocol == "aligned")
+
+
+def test_a_window_without_truth_is_not_asked(city):
+    """Where nobody knows where the drive was, nothing can be judged."""
+    one = next(iter(city_drives(city)))
+    lost = one.chainage_m.copy()
+    lost[len(lost) // 2 :] = np.nan
+    asked = list(
+        tour([replace(one, chainage_m=lost)], 10, protocol="anywhere", length_m=30.0, seed=SEED)
+    )
+    assert 0 < len(asked) < 10
+    assert all(np.isfinite(each.truth.chainage_m) for each in asked)

@@ -1,24 +1,26 @@
 """
-Windows of whole drives, in the order they were driven.
+The two protocols: which windows of a drive are asked, in the order they were driven.
 
-A method that remembers needs to see a drive's windows one after the other; one that does not is
-asked the very same. Two protocols: `anywhere` ends windows of a given length anywhere along a
-drive, as vehicles ask; `aligned` cuts the drive at its own singular points, as the paper does.
+- `anywhere`: windows of a given length that end anywhere along the drive, as vehicles ask.
+- `aligned`: the drive cut at its own singular points, as the paper does.
+
+`SPANS` has both; `tour` asks the windows of many drives, simulated or real, under either. A method
+that remembers needs to see a drive's windows one after the other; one that does not is asked the
+very same. (`scenario.windows` is the short way to simulated windows of either kind.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from itertools import count, pairwise
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from app.domain import Direction, Window
-from app.evaluation.passes import Drive, drive_of, window_of
-from app.evaluation.scenario import City, drive
-from app.evaluation.scenario.streams import Purpose, stream
+from app.domain import Window
+from app.evaluation.passes import Drive, window_of
+from app.evaluation.streams import Purpose, stream
 from app.evaluation.truth import Truth
 from app.numerics.geodesy import Floats
 from app.numerics.segmentation import cut_road
@@ -39,25 +41,6 @@ class Asked(NamedTuple):
     drive: int
     since_m: float | None
     chainage_m: Float[np.ndarray, " samples"]
-
-
-def city_drives(city: City) -> Iterator[Drive]:
-    """
-    Endless fresh drives over every road both ways, each vehicle with its odometer.
-
-    The odometer's scale is drawn per drive; positions stay true.
-    """
-    scenario = city.scenario
-    ways = list(Direction) if scenario.both_directions else [Direction.FORWARD]
-    for number in count():
-        for truth in city.roads:
-            for way in ways:
-                trace = drive(city, truth.road_id, way, number)
-                one = drive_of(trace, truth.road_id, truth.line, way)
-                key = (truth.index, 0 if way is Direction.FORWARD else 1, number)
-                error = stream(city.seed, Purpose.ODOMETER, *key).normal()
-                scale = 1.0 + scenario.odometer_error_sd * float(error)
-                yield one.with_odometer(one.travelled_m * scale)
 
 
 def tour(
@@ -81,12 +64,9 @@ def tour(
     for number, one in enumerate(drives):
         if left <= 0:
             return
-        if protocol == "aligned":
-            spans = list(pairwise(singular_points_m(one).tolist()))
-        else:
-            spans = _spans_anywhere(one, length_m, each, stream(seed, Purpose.TOUR, number))
+        rng = stream(seed, Purpose.TOUR, number)
         last_end_m: float | None = None
-        for start_m, end_m in spans:
+        for start_m, end_m in SPANS[protocol](one, length_m, each, rng):
             asked = _ask(one, start_m, end_m, number, last_end_m)
             if asked is None or left <= 0:
                 continue
@@ -114,25 +94,45 @@ def singular_points_m(one: Drive) -> Floats:
     return cut_road(smooth, 1.0, float(even_m[-1] - even_m[0])) + travelled_m[0]
 
 
-def _spans_anywhere(
-    one: Drive, length_m: float, each: int, rng: np.random.Generator
-) -> list[tuple[float, float]]:
+class Span(NamedTuple):
+    """From where to where a window reaches, in travelled distance."""
+
+    start_m: float
+    end_m: float
+
+
+def anywhere(one: Drive, length_m: float, each: int, rng: np.random.Generator) -> list[Span]:
+    """``each`` windows of a length, their ends drawn evenly over the way; none if it is shorter."""
     way_m = float(one.travelled_m[-1])
     if way_m < length_m:
         return []
     ends_m = np.sort(rng.uniform(length_m, way_m, size=each))
-    return [(end_m - length_m, end_m) for end_m in ends_m.tolist()]
+    return [Span(end_m - length_m, end_m) for end_m in ends_m.tolist()]
+
+
+def aligned(one: Drive, length_m: float, each: int, rng: np.random.Generator) -> list[Span]:
+    """One window from each singular point to the next; length, count and chance have no say."""
+    del length_m, each, rng
+    return [Span(*ends) for ends in pairwise(singular_points_m(one).tolist())]
+
+
+SPANS: dict[Protocol, Callable[[Drive, float, int, np.random.Generator], list[Span]]] = {
+    "anywhere": anywhere,
+    "aligned": aligned,
+}
+"""Protocol -> the windows of a drive."""
 
 
 def _ask(
     one: Drive, start_m: float, end_m: float, number: int, last_end_m: float | None
 ) -> tuple[Asked, int] | None:
-    """The window of a span and its last sample's number; None when it holds too few samples."""
+    """The window of a span and its last sample's number; None with too few samples or no truth."""
     last = int(np.searchsorted(one.travelled_m, end_m + 1e-6, side="right")) - 1
     length_m = end_m - start_m
     first = int(np.searchsorted(one.travelled_m, one.travelled_m[last] - length_m - 1e-6))
     part = one.trace.rsrp_dbm[first : last + 1]
-    if last + 1 - first < FEWEST_SAMPLES or np.isnan(part).all():
+    too_few = last + 1 - first < FEWEST_SAMPLES or np.isnan(part).all()
+    if too_few or np.isnan(one.chainage_m[last]):
         return None
     labelled = window_of(one, first, last)
     since_m = None if last_end_m is None else float(one.travelled_m[last]) - last_end_m
