@@ -12,6 +12,8 @@ from app.api.errors import Refusal
 
 JSON = "application/json"
 CSV = "text/csv"
+TEXT = "text/plain"
+KML = "application/vnd.google-earth.kml+xml"
 GEOJSON = "application/geo+json"
 UTF8_NAMES = frozenset({"utf-8", "utf8", "us-ascii"})
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -43,6 +43,20 @@ def accepted_document(accepted: Accepted) -> Document:
         "roads": list(accepted.roads),
         "samples": accepted.samples,
         "dropped": dict(accepted.dropped),
+    }
+
+
+def several_accepted_document(several: Sequence[Accepted], dropped: Mapping[str, int]) -> Document:
+    """A `SurveyAccepted` of a file that held several drives: their sum, and each of them."""
+    roads = dict.fromkeys(road for accepted in several for road in accepted.roads)
+    builds = [accepted.build_id for accepted in several if accepted.build_id is not None]
+    return {
+        "survey_id": several[0].survey_id,
+        "build_id": builds[-1] if builds else None,
+        "roads": list(roads),
+        "samples": sum(accepted.samples for accepted in several),
+        "dropped": dict(dropped),
+        "surveys": [accepted_document(accepted) for accepted in several],
     }
 
 

@@ -53,6 +53,13 @@ class WrongFile(InvalidInput):
         return self.reason
 
 
+class EmptyFile(WrongFile):
+    """The file is sound and no drive came of it; the message says where its rows went."""
+
+    code = "empty-file"
+    title = "No drive is in the file"
+
+
 class BrokenFile(WrongFile):
     """The file was sound up to a place and cannot be read on from there."""
 

@@ -20,6 +20,7 @@ from app.formats import (
 from app.formats.account import (
     Account,
     BrokenFile,
+    EmptyFile,
     WrongFile,
     refuse_if_broken,
 )
@@ -73,7 +74,8 @@ def read_drives(
         after_block: Called after each block, for progress.
 
     Raises:
-        WrongFile: It is no file of this format, or it holds no drive.
+        WrongFile: It is no file of this format.
+        EmptyFile: It is, and holds no drive.
         BrokenFile: Some of it is broken and ``keep_going`` is not asked for.
     """
     labels = Labels()
@@ -85,7 +87,7 @@ def read_drives(
         after_block()
     yield from assembler.finish()
     if not account.drives:
-        raise WrongFile(f"no drive in it: {account.summary()}")
+        raise EmptyFile(f"no drive in it: {account.summary()}")
 
 
 def _blocks(

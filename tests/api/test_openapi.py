@@ -17,6 +17,7 @@ COMMITTED = Path(__file__).resolve().parents[2] / "openapi" / "openapi.json"
 INTERFACE = {
     "/v1/surveys": {"get", "post"},
     "/v1/surveys/{survey_id}": {"get", "delete"},
+    "/v2/geosubmit": {"post"},
     "/v1/surveys/{survey_id}/samples": {"get"},
     "/v1/builds": {"get", "post"},
     "/v1/builds/{build_id}": {"get", "delete"},
@@ -73,7 +74,13 @@ def test_bodies_that_endpoints_parse_themselves_are_described(document: dict[str
     bodies = {
         "/v1/locate": {"application/json": "LocateRequest"},
         "/v1/locate/batch": {"application/json": "BatchRequest"},
-        "/v1/surveys": {"application/json": "SurveyRequest", "text/csv": None},
+        "/v1/surveys": {
+            "application/json": "SurveyRequest",
+            "text/csv": None,
+            "text/plain": None,
+            "application/vnd.google-earth.kml+xml": None,
+        },
+        "/v2/geosubmit": {"application/json": "GeosubmitRequest"},
     }
     for path, kinds in bodies.items():
         content = document["paths"][path]["post"]["requestBody"]["content"]

@@ -52,14 +52,27 @@ class SurveyRequest(BaseModel):
     rsrp_dbm: Rows
 
 
-class SurveyAccepted(BaseModel):
+class OneSurveyAccepted(BaseModel):
     """A survey is stored, and its build is queued unless `build=false` asked for none."""
 
     survey_id: str
     build_id: str | None
     roads: list[str]
     samples: int
-    dropped: dict[str, int] = Field(description="Samples left out, by reason.")
+    dropped: dict[str, int] = Field(description="Rows left out, by reason.")
+
+
+class SurveyAccepted(OneSurveyAccepted):
+    """
+    What was posted is stored, and its build is queued unless `build=false` asked for none.
+
+    Of a file that holds several drives each is a survey: `survey_id` is then the first one,
+    `build_id` the last one's, `roads`, `samples` and `dropped` are those of the whole file.
+    """
+
+    surveys: list[OneSurveyAccepted] | None = Field(
+        default=None, description="One a drive; absent unless the file holds several."
+    )
 
 
 class SurveyDocument(BaseModel):
