@@ -1,0 +1,1 @@
+"""Roads from drives: cleaning, the roads that appear, and which road a drive follows where."""

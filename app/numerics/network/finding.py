@@ -1,0 +1,171 @@
+"""
+From drives to roads and passes: what a build does first with drives that name no road.
+
+Roads that were given (drawn, or imported) stay as they are and drives are laid on them first; what
+is left of the drives makes roads appear. Only the neighbourhood of new drives is looked at: beyond
+it the roads that were found before stay, and grow on where new ones join them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from app.domain import Line
+from app.numerics.geodesy import Floats, LocalFrame
+from app.numerics.lines import length_m, point_at
+from app.numerics.network.appearance import roads_of
+from app.numerics.network.cleaning import clean
+from app.numerics.network.following import OFF_ROAD, Network
+from app.numerics.network.identity import name_lines
+from app.numerics.network.region import Region, cut_piece
+from app.numerics.network.runs import stretches
+from app.numerics.network.steps import STEP_M, Piece
+from app.numerics.network.stretches import passes_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Driven:
+    """
+    Positions of a drive.
+
+    Attributes:
+        drive_id: Its name.
+        lon, lat: WGS 84 degrees. Shape ``(samples,)``.
+        time_s: Non-decreasing. Shape ``(samples,)``.
+        new: Its roads are not known yet.
+    """
+
+    drive_id: str
+    lon: Float[np.ndarray, " samples"]
+    lat: Float[np.ndarray, " samples"]
+    time_s: Float[np.ndarray, " samples"]
+    new: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownRoad:
+    """A road with its line; ``given`` ones stay as they are, found ones may grow or move."""
+
+    road_id: str
+    line: Line
+    given: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RoadStretch:
+    """Samples ``first_sample:end_sample`` of a drive run along a road."""
+
+    road_id: str
+    first_sample: int
+    end_sample: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """
+    What drives say of roads.
+
+    Attributes:
+        lines: Found roads that are new or have a new line, by id.
+        gone: Found roads that no drive runs along any more.
+        passes: Passes of every drive that was looked at, by drive id.
+    """
+
+    lines: Mapping[str, Line]
+    gone: frozenset[str]
+    passes: Mapping[str, tuple[RoadStretch, ...]]
+
+
+def find_roads(
+    drives: Sequence[Driven], known: Sequence[KnownRoad], new_ids: Iterator[str]
+) -> Findings:
+    """
+    Find the roads of new drives, and the passes of all drives given.
+
+    Args:
+        drives: The new drives and all others that name no road and come near one of them.
+        known: Every road near one of the drives.
+        new_ids: Names for roads that appear.
+    """
+    frame = _frame_of([one for one in drives if one.new] or drives)
+    pieces = [
+        piece
+        for number, one in enumerate(drives)
+        for piece in clean(number, _xy(frame, one.lon, one.lat), one.time_s)
+    ]
+    given = {road.road_id: _xy(frame, road.line.lon, road.line.lat) for road in known if road.given}
+    found = {road.road_id: _even(frame, road.line) for road in known if not road.given}
+    region = Region.about(piece for piece in pieces if drives[piece.drive].new)
+    loose = _left_over(Network(list(given.values())), region.widened().parts_inside(pieces))
+    seeds = [part for line in found.values() for part in region.parts_outside(line)]
+    named = name_lines(roads_of(loose, seeds, list(given.values())), found)
+    lines: dict[str, Floats] = {}
+    changed: dict[str, Line] = {}
+    for one in named:
+        road_id = one.name if one.name is not None else next(new_ids)
+        lines[road_id] = one.line
+        if not one.same:
+            changed[road_id] = _line(frame, one.line)
+    passes = _passes(drives, pieces, given | lines)
+    driven = {each.road_id for along in passes.values() for each in along}
+    gone = frozenset(found) - frozenset(lines)
+    ghosts = {road_id for road_id in changed if road_id not in driven and road_id not in found}
+    return Findings(
+        {road_id: line for road_id, line in changed.items() if road_id not in ghosts},
+        gone,
+        passes,
+    )
+
+
+def _passes(
+    drives: Sequence[Driven], pieces: Sequence[Piece], lines: Mapping[str, Floats]
+) -> dict[str, tuple[RoadStretch, ...]]:
+    network, ids = Network(list(lines.values())), list(lines)
+    along: dict[str, list[RoadStretch]] = {one.drive_id: [] for one in drives}
+    for piece in pieces:
+        for each in passes_of(piece, network.follow(piece.xy_m)):
+            stretch = RoadStretch(ids[each.road], each.first_sample, each.end_sample)
+            along[drives[piece.drive].drive_id].append(stretch)
+    return {drive_id: tuple(each) for drive_id, each in along.items()}
+
+
+def _left_over(network: Network, pieces: Sequence[Piece]) -> list[Piece]:
+    """What of the pieces lies on no road of the network."""
+    if not network.lines:
+        return list(pieces)
+    left = []
+    for piece in pieces:
+        off = network.follow(piece.xy_m).road == OFF_ROAD
+        left += [cut_piece(piece, part) for part in stretches(off)]
+    return [piece for piece in left if len(piece.xy_m) > 1]
+
+
+def _frame_of(drives: Sequence[Driven]) -> LocalFrame:
+    """A frame in the middle of the drives; longitudes are averaged around the first one."""
+    lon0 = float(drives[0].lon[0])
+    around = LocalFrame(lon0, 0.0)
+    x_m = np.concatenate([around.to_xy(one.lon, one.lat).x_m for one in drives])
+    middle = around.to_lonlat(float(np.median(x_m)), 0.0)
+    lat = np.concatenate([one.lat for one in drives])
+    return LocalFrame(float(middle.lon), float(np.median(lat)))
+
+
+def _xy(frame: LocalFrame, lon: Floats, lat: Floats) -> Floats:
+    at = frame.to_xy(lon, lat)
+    return np.stack([at.x_m, at.y_m], axis=1)
+
+
+def _even(frame: LocalFrame, line: Line) -> Floats:
+    """A line in the steps of a piece."""
+    steps = max(1, round(length_m(line) / STEP_M))
+    at = point_at(line, np.linspace(0.0, length_m(line), steps + 1))
+    return _xy(frame, at.lon, at.lat)
+
+
+def _line(frame: LocalFrame, xy_m: Floats) -> Line:
+    at = frame.to_lonlat(xy_m[:, 0], xy_m[:, 1])
+    return Line(np.asarray(at.lon), np.asarray(at.lat))

@@ -1,0 +1,74 @@
+"""Passes of a drive: the maximal stretches along one road in one direction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from app.numerics.geodesy import Floats
+from app.numerics.network.following import OFF_ROAD, Along
+from app.numerics.network.steps import STEP_M, Piece
+
+SHORTEST_M = 50.0  # of a pass: less holds no window and says little of the road
+TURNED_M = 20.0  # back along the road: more than jitter, so the car turned
+BLINK_STEPS = 10  # 50 m on another road between two stretches of one were on this one
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Samples ``first_sample:end_sample`` of a drive run along the road of this number."""
+
+    road: int
+    first_sample: int
+    end_sample: int
+
+
+def passes_of(piece: Piece, along: Along) -> list[Stretch]:
+    """The passes of a piece in driving order."""
+    road = _steadied(along.road)
+    passes = []
+    for first, end in _same(road):
+        if road[first] == OFF_ROAD:
+            continue
+        for start, stop in _one_way(along.chainage_m[first:end]):
+            a, b = first + start, first + stop - 1
+            samples = (int(np.ceil(piece.sample[a])), int(np.floor(piece.sample[b])) + 1)
+            if (b - a) * STEP_M >= SHORTEST_M and samples[1] - samples[0] > 1:
+                passes.append(Stretch(int(road[first]), *samples))
+    return passes
+
+
+def _same(road: np.ndarray) -> Iterator[tuple[int, int]]:
+    edges = [0, *(np.flatnonzero(np.diff(road)) + 1).tolist(), len(road)]
+    yield from pairwise(edges)
+
+
+def _steadied(road: np.ndarray) -> np.ndarray:
+    """The roads without short visits to another one between two stretches of the same."""
+    steady = road.copy()
+    parts = list(_same(road))
+    for before, (first, end), after in zip(parts[:-2], parts[1:-1], parts[2:], strict=True):
+        if end - first < BLINK_STEPS and steady[before[0]] == road[after[0]] != OFF_ROAD:
+            steady[first:end] = road[after[0]]
+    return steady
+
+
+def _one_way(chainage_m: Floats) -> Iterator[tuple[int, int]]:
+    """Parts between the places where the car turned round."""
+    start, turn, sign = 0, 0, 0
+    for at in range(1, len(chainage_m)):
+        if np.isnan(chainage_m[at]):
+            continue
+        gone_m = chainage_m[at] - chainage_m[turn]
+        if sign == 0 and abs(gone_m) > TURNED_M:
+            sign = 1 if gone_m > 0 else -1
+            turn = at
+        elif sign * gone_m >= 0.0:
+            turn = at if sign else turn
+        elif -sign * gone_m > TURNED_M:
+            yield start, turn + 1
+            start, turn, sign = turn, at, -sign
+    yield start, len(chainage_m)
