@@ -13,7 +13,7 @@ from sqlalchemy import Boolean, Column, Float, ForeignKey, Integer, LargeBinary,
 
 from app.store.columns import UtcMoment
 
-SCHEMA_REVISION = "0001"  # of the newest file in migrations/versions: a start without Alembic
+SCHEMA_REVISION = "0002"  # of the newest file in migrations/versions: a start without Alembic
 
 metadata = sa.MetaData(
     naming_convention={
@@ -231,4 +231,11 @@ workers = Table(
     Column("pid", Integer, nullable=False),
     Column("started_at", UtcMoment, nullable=False),
     Column("beats", Integer, nullable=False),
+)
+
+keys = Table(  # secrets of the store's own making, the same for all its processes
+    "keys",
+    metadata,
+    Column("name", Text, primary_key=True),
+    Column("value", LargeBinary, nullable=False),
 )
