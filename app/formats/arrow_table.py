@@ -8,6 +8,7 @@ here; the plain reader takes them.
 from __future__ import annotations
 
 import bisect
+import csv
 from collections.abc import Iterator, Sequence
 from typing import Any, BinaryIO
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.formats.account import WRONG_COLUMNS, Account, BrokenFile
-from app.formats.table import Block, Column, Layout
+from app.formats.table import Block, Column, Layout, encode, without_blanks
 
 BLOCK_BYTES = 4 << 20  # some 60,000 rows: large enough for numpy, small enough for flat memory
 
@@ -60,19 +61,20 @@ def read_blocks_fast(
         )
         for batch in reader:
             yield _block(batch, places, lines, account)
+            yield from lines.salvaged(layout.delimiter, places, account)
     except pa.ArrowInvalid as error:
         if "Empty CSV file" not in str(error):
             raise BrokenFile(f"no table: {error}") from error
+    yield from lines.salvaged(layout.delimiter, places, account)
     account.rows += len(lines.wrong)
     account.drop(WRONG_COLUMNS, lines.wrong)
 
 
 def _block(batch: Any, places: dict[str, int], lines: _Lines, account: Account) -> Block:
-    account.rows += batch.num_rows
     columns = {
         name: _column(batch.column(place)) for place, name in enumerate(places)
     }  # include_columns gives them in this order
-    return Block(lines.take(batch.num_rows), columns)
+    return without_blanks(Block(lines.take(batch.num_rows), columns), account)
 
 
 def _column(array: Any) -> Column:
@@ -86,6 +88,7 @@ class _Lines:
     def __init__(self, header_line: int) -> None:
         self.header_line = header_line
         self.wrong: list[int] = []
+        self._long: list[tuple[int, str]] = []
         self._skipped: list[int] = []
         self._next = header_line + 1
 
@@ -93,9 +96,25 @@ class _Lines:
         """Arrow's handler of rows of another length; empty lines are no rows and no fault."""
         line = self.header_line + row.number
         self._skipped.append(line)
-        if row.text:
+        if row.actual_columns == row.expected_columns + 1:
+            self._long.append((line, row.text))
+        elif row.text:
             self.wrong.append(line)
         return "skip"
+
+    def salvaged(self, delimiter: str, places: dict[str, int], account: Account) -> Iterator[Block]:
+        """Rows with one value too many that is empty: right ones, as some tools write them."""
+        rows = {
+            line: next(csv.reader([text], delimiter=delimiter), [""]) for line, text in self._long
+        }
+        self._long.clear()
+        self.wrong += [line for line, row in rows.items() if row[-1]]
+        right = {line: row for line, row in rows.items() if not row[-1]}
+        if right:
+            columns = {
+                name: encode([row[at] for row in right.values()]) for name, at in places.items()
+            }
+            yield without_blanks(Block(np.array(list(right), np.int64), columns), account)
 
     def take(self, count: int) -> NDArray[np.int64]:
         """The lines of the next ``count`` rows."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
 from app.formats.account import BrokenFile
+from app.formats.table import Text
 
 CHUNK_CHARACTERS = 1 << 18
 SEPARATORS = " \t\r\n,\ufeff"
@@ -21,14 +21,7 @@ def each_document(source: BinaryIO) -> Iterator[tuple[int, Any]]:
     Raises:
         BrokenFile: A document is broken or never ends; those before it have been given.
     """
-    text = io.TextIOWrapper(source, encoding="utf-8", errors="replace")
-    try:
-        yield from _documents(text)
-    finally:
-        text.detach()
-
-
-def _documents(text: io.TextIOWrapper) -> Iterator[tuple[int, Any]]:
+    text = Text(source)
     decoder = json.JSONDecoder()
     waiting, number, array, ended = "", 0, None, False
     while True:

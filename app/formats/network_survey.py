@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, BinaryIO
 
-from app.formats.account import NOT_A_RECORD, NOT_LTE_OR_NR, Account
+from app.formats.account import NOT_A_RECORD, NOT_LTE_OR_NR, Account, BrokenFile
 from app.formats.cells import global_id, short_key, whole
 from app.formats.json_stream import each_document
 from app.formats.options import Options
@@ -57,20 +57,36 @@ def read_messages(
         BrokenFile: It is no JSON from some place on.
     """
     found, scans = RowList(), _Scans()
-    for line, message in each_document(source):
-        account.rows += 1
-        kind = message.get("messageType") if isinstance(message, dict) else None
-        record = message.get("data") if isinstance(message, dict) else None
-        if not isinstance(kind, str) or not isinstance(record, dict):
-            account.drop(NOT_A_RECORD, [line])
-        elif kind not in RECORDS:
-            account.drop(NOT_LTE_OR_NR, [line])
-        else:
-            _add(found, line, _texts(record), options, labels, scans, nr=RECORDS[kind])
-        if len(found) >= BLOCK_ROWS:
-            yield found.rows()
-            found = RowList()
+    try:
+        for line, message in each_document(source):
+            account.rows += 1
+            _add_message(found, line, message, options, account, labels, scans)
+            if len(found) >= BLOCK_ROWS:
+                yield found.rows()
+                found = RowList()
+    except BrokenFile:
+        yield found.rows()  # what came before is sound
+        raise
     yield found.rows()
+
+
+def _add_message(
+    found: RowList,
+    line: int,
+    message: Any,
+    options: Options,
+    account: Account,
+    labels: Labels,
+    scans: _Scans,
+) -> None:
+    kind = message.get("messageType") if isinstance(message, dict) else None
+    record = message.get("data") if isinstance(message, dict) else None
+    if not isinstance(kind, str) or not isinstance(record, dict):
+        account.drop(NOT_A_RECORD, [line])
+    elif kind not in RECORDS:
+        account.drop(NOT_LTE_OR_NR, [line])
+    else:
+        _add(found, line, _texts(record), options, labels, scans, nr=RECORDS[kind])
 
 
 class _Scans:

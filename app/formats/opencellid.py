@@ -17,7 +17,7 @@ from app.formats.values import moment_s, number
 
 NEEDED = ("mcc", "mnc", "lat", "lon", "signal", "measured_at")
 IDENTITIES = ("cellid", "cell_id")
-AGGREGATE = {"range", "samples", "changeable", "created", "updated", "averagesignal"}
+AGGREGATE = frozenset({"range", "samples", "changeable"})  # of a list of cells
 RADIOS = {"lte": False, "lte+": False, "lte-a": False, "lteca": False, "lte_ca": False,
           "4g": False, "nr": True, "5g": True, "nrnsa": True, "nr_nsa": True}  # fmt: skip
 WANTED = (*NEEDED, *IDENTITIES, "lac", "tac", "pci", "psc", "rating", "speed", "act", "radio",

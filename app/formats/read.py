@@ -28,6 +28,7 @@ from app.formats.assemble import Assembler, Drive
 from app.formats.options import Options
 from app.formats.rows import Labels, Rows, sift
 from app.formats.sniff import Sniffed
+from app.formats.source import damage_of
 from app.formats.swap import swapped_by_country
 from app.formats.table import Layout
 
@@ -80,8 +81,9 @@ def read_drives(
     """
     labels = Labels()
     assembler = Assembler(labels, account)
-    for rows in _sound_blocks(_blocks(source, sniffed, options, account, labels), account,
-                              keep_going=keep_going):  # fmt: skip
+    blocks = _blocks(source, sniffed, options, account, labels)
+    blocks = _to_the_end(source, blocks, keep_going=keep_going)
+    for rows in _sound_blocks(blocks, account, keep_going=keep_going):
         _refuse_swapped(rows, labels)
         yield from assembler.add(rows)
         after_block()
@@ -96,6 +98,23 @@ def _blocks(
     if sniffed.layout is not None:
         return TABLES[sniffed.name](source, sniffed.layout, options, account, labels)
     return OTHERS[sniffed.name](source, options, account, labels)
+
+
+def _to_the_end(source: BinaryIO, blocks: Iterator[Rows], *, keep_going: bool) -> Iterator[Rows]:
+    """
+    The blocks, and the reason when the source ended early: at once, or after what came before.
+
+    Raises:
+        BrokenFile: It did.
+    """
+    for rows in blocks:
+        damage = damage_of(source)
+        if damage is not None and not keep_going:
+            raise damage  # before its last row, cut in two, is called wrong
+        yield rows
+    damage = damage_of(source)
+    if damage is not None:
+        raise damage
 
 
 def _sound_blocks(blocks: Iterator[Rows], account: Account, *, keep_going: bool) -> Iterator[Rows]:

@@ -145,7 +145,7 @@ def _after_preamble(source: BinaryIO) -> tuple[bytes, int] | None:
 
 def _why_not(names: tuple[str, ...], wanted: str | None) -> str:
     """The format that comes nearest and what it lacks, or that the first line is no header."""
-    if OPENCELLID in {wanted, None} and opencellid.AGGREGATE & set(names) >= {"range", "samples"}:
+    if wanted in {OPENCELLID, None} and set(names) >= opencellid.AGGREGATE:
         return (
             "a list of cells with their mean positions (OpenCelliD's or MLS's aggregate), "
             "not measurements"

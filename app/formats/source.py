@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from app.formats.account import BrokenFile
 
@@ -29,19 +29,24 @@ def open_source(path: Path) -> Iterator[tuple[BinaryIO, BinaryIO]]:
             yield cast("BinaryIO", unpacked), file
 
 
+def damage_of(source: BinaryIO) -> BrokenFile | None:
+    """Why a source ended before its end, once it has; None when it is whole."""
+    return getattr(getattr(source, "raw", None), "damage", None)
+
+
 class _Unpacked(gzip.GzipFile):
-    """A gzip whose damage is ours to report."""
+    """A gzip that ends where it is broken, so that what came before can be read to its last row."""
 
     def __init__(self, file: BinaryIO) -> None:
         super().__init__(fileobj=file, mode="rb")
+        self.damage: BrokenFile | None = None
 
-    def readinto(self, buffer: object) -> int:
-        """The next bytes.
-
-        Raises:
-            BrokenFile: The gzip is corrupt or ends early.
-        """
+    def readinto(self, buffer: Any) -> int:
+        """The next bytes; none after a break."""
         try:
-            return int(super().readinto(buffer))  # type: ignore[arg-type]
+            some = self.read1(len(buffer))  # not read: that loses what came before a break
         except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-            raise BrokenFile(f"the gzip is broken: {error}") from error
+            self.damage = BrokenFile(f"the gzip is broken: {error}")
+            return 0
+        buffer[: len(some)] = some
+        return len(some)

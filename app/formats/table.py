@@ -12,7 +12,7 @@ import io
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,16 @@ class Layout:
         return {name: self.names.index(name) for name in names if name in self.names}
 
 
+class Text(io.TextIOWrapper):
+    """A source as text. It stays open: closing it is its opener's part, whenever that comes."""
+
+    def __init__(self, source: BinaryIO, newline: str | None = None) -> None:
+        super().__init__(source, encoding="utf-8", errors="replace", newline=newline)
+
+    def close(self) -> None:
+        """Nothing."""
+
+
 def names_of(line: str, delimiter: str) -> tuple[str, ...]:
     """Column names of a header line, lower case, without quotes and spaces."""
     parts = next(csv.reader([line.strip("\ufeff\r\n")], delimiter=delimiter), [])
@@ -101,7 +111,8 @@ def read_blocks(
     source: BinaryIO, layout: Layout, wanted: Sequence[str], account: Account
 ) -> Iterator[Block]:
     """
-    The rows after the header, in blocks; rows of another length are dropped by line.
+    The rows after the header, in blocks; rows of another length are dropped by line, blank ones
+    are skipped.
 
     One value more than names is right when it is empty: some tools end each row with a delimiter.
 
@@ -112,44 +123,66 @@ def read_blocks(
     places = layout.wanted(wanted)
     for _ in range(layout.header_line):
         source.readline()
-    text = io.TextIOWrapper(source, encoding="utf-8", errors="replace", newline="")
-    try:
-        reader = csv.reader(text, delimiter=layout.delimiter)
-        while True:
-            block = _next_block(reader, layout, places, account)
-            if block is None:
-                return
-            yield block
-    finally:
-        text.detach()  # the source is its opener's to close
-
-
-def _next_block(
-    reader: Iterator[list[str]], layout: Layout, places: dict[str, int], account: Account
-) -> Block | None:
+    reader = csv.reader(Text(source, newline=""), delimiter=layout.delimiter)
     width = len(layout.names)
-    lines: list[int] = []
-    rows: list[list[str]] = []
-    wrong: list[int] = []
-    ended = True
-    line = layout.header_line
+    while True:
+        taken = _take(reader, layout.header_line, width)
+        account.rows += len(taken.wrong)
+        account.drop(WRONG_COLUMNS, taken.wrong)
+        columns = {name: encode([row[at] for row in taken.rows]) for name, at in places.items()}
+        yield without_blanks(Block(np.array(taken.lines, np.int64), columns), account)
+        if taken.broken is not None:
+            raise taken.broken
+        if taken.ended:
+            return
+
+
+@dataclass(slots=True)
+class _Taken:
+    """Some rows as they were read: right ones with their lines, lines of wrong ones."""
+
+    rows: list[list[str]]
+    lines: list[int]
+    wrong: list[int]
+    ended: bool = False
+    broken: BrokenFile | None = None
+
+
+def _take(reader: Any, header_line: int, width: int) -> _Taken:
+    """The next rows; what was read before a break is kept."""
+    taken = _Taken([], [], [])
+    line = header_line
+    count = 0
     try:
         for row in itertools.islice(reader, BLOCK_ROWS):
-            ended = False
-            line = layout.header_line + reader.line_num  # type: ignore[attr-defined]
+            count += 1
+            line = header_line + reader.line_num
             if len(row) == width or (len(row) == width + 1 and not row[-1]):
-                lines.append(line)
-                rows.append(row)
+                taken.lines.append(line)
+                taken.rows.append(row)
             elif row:
-                wrong.append(line)
+                taken.wrong.append(line)
     except csv.Error as error:
-        raise BrokenFile(f"line {line + 1}: no table: {error}", f"/lines/{line + 1}") from error
-    if ended:
-        return None
-    account.rows += len(rows) + len(wrong)
-    account.drop(WRONG_COLUMNS, wrong)
-    columns = {name: encode([row[at] for row in rows]) for name, at in places.items()}
-    return Block(np.array(lines, np.int64), columns)
+        taken.broken = BrokenFile(f"no table after line {line}: {error}", f"/lines/{line + 1}")
+    taken.ended = count < BLOCK_ROWS
+    return taken
+
+
+def without_blanks(block: Block, account: Account) -> Block:
+    """The rows in which any wanted column says something; the others are no rows."""
+    blank = np.ones(len(block), bool)
+    for column in block.columns.values():
+        empty = np.array([not text for text in column.values], bool)
+        blank &= empty[column.codes] if empty.any() else False
+        if not blank.any():
+            break
+    account.rows += int(np.count_nonzero(~blank))
+    if not blank.any():
+        return block
+    columns = {
+        name: Column(column.codes[~blank], column.values) for name, column in block.columns.items()
+    }
+    return Block(block.lines[~blank], columns)
 
 
 def encode(texts: list[str]) -> Column:
