@@ -29,6 +29,26 @@ def union(first: Bounds, second: Bounds) -> Bounds:
     return bounds_of(lon, [first.south, first.north, second.south, second.north])
 
 
+def touches(one: Bounds, other: Bounds) -> bool:
+    """True where two boxes have a place in common; either may hold the antimeridian."""
+    if one.south > other.north or other.south > one.north:
+        return False
+    return (other.west - one.west) % 360.0 <= (one.east - one.west) % 360.0 or (
+        one.west - other.west
+    ) % 360.0 <= (other.east - other.west) % 360.0
+
+
+def widened(box: Bounds, margin_deg: float) -> Bounds:
+    """A box with so many degrees of latitude more on every side, as many metres of longitude."""
+    scale = 1.0 / max(0.05, float(np.cos(np.radians(box.north))))  # meridians draw together
+    return Bounds(
+        box.west - margin_deg * scale,
+        box.south - margin_deg,
+        box.east + margin_deg * scale,
+        box.north + margin_deg,
+    )
+
+
 def overlap(
     box: Bounds,
     west: sa.ColumnElement[float],

@@ -90,6 +90,12 @@ def _road_query(version: int | None) -> sa.Select[Any]:
         .outerjoin(map_roads, in_version)
         .outerjoin(road_models, road_models.c.model_id == map_roads.c.model_id)
         .outerjoin(builds, builds.c.build_id == road_models.c.build_id)
+        # A road that drives made is none when no drive runs along it and the map has it not.
+        .where(
+            ~roads.c.found
+            | map_roads.c.model_id.is_not(None)
+            | sa.exists().where(passes.c.road_id == roads.c.road_id)
+        )
     )
 
 

@@ -11,6 +11,7 @@ from app.domain import Calibration, Line
 T = TypeVar("T")
 
 BuildStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
+Placing = Literal["given", "waiting", "found", "lost"]
 UNFINISHED: tuple[BuildStatus, ...] = ("accepted", "running")
 
 

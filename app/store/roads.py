@@ -31,6 +31,7 @@ def put_road(connection: Connection, road: Road) -> None:
             "line_lon": pack(road.line.lon, F8),
             "line_lat": pack(road.line.lat, F8),
             **_box_values(box),
+            "found": False,
         }
     known = connection.execute(
         roads.update().where(roads.c.road_id == road.road_id).values(road_id=road.road_id, **values)
@@ -41,12 +42,38 @@ def put_road(connection: Connection, road: Road) -> None:
         )
 
 
-def widen(connection: Connection, road_id: str, box: Bounds) -> None:
-    """Make sure that the road exists and, when nobody set its line, that its box holds ``box``."""
+def set_found_line(connection: Connection, road_id: str, line: Line | None) -> None:
+    """Create a road that drives made, or move its line; None when no drive runs along it."""
+    values: dict[str, object] = dict.fromkeys(("west", "south", "east", "north"))
+    values |= {"line_lon": None, "line_lat": None}
+    if line is not None:
+        values = {
+            "line_lon": pack(line.lon, F8),
+            "line_lat": pack(line.lat, F8),
+            **_box_values(bounds_of(line.lon, line.lat)),
+        }
+    known = connection.execute(
+        roads.update().where(roads.c.road_id == road_id, roads.c.found).values(**values)
+    )
+    if known.rowcount == 0 and line is not None:
+        connection.execute(
+            roads.insert().values(road_id=road_id, created_at=utc_now(), found=True, **values)
+        )
+
+
+def widen(connection: Connection, road_id: str, box: Bounds, *, found: bool = False) -> None:
+    """
+    Make sure that the road exists and, when nobody set its line, that its box holds ``box``.
+
+    Args:
+        found: Of a road that is new: a drive makes it.
+    """
     row = connection.execute(sa.select(roads).where(roads.c.road_id == road_id)).one_or_none()
     if row is None:
         connection.execute(
-            roads.insert().values(road_id=road_id, created_at=utc_now(), **_box_values(box))
+            roads.insert().values(
+                road_id=road_id, created_at=utc_now(), found=found, **_box_values(box)
+            )
         )
     elif row.line_lon is None:
         if row.west is not None:

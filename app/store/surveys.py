@@ -11,8 +11,9 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Row
 
 from app.domain import Trace
+from app.store.bounds import bounds_of
 from app.store.columns import F4, F8, new_id, pack, unpack, utc_now
-from app.store.records import Page, SurveySummary
+from app.store.records import Page, Placing, SurveySummary
 from app.store.tables import passes, surveys
 
 SUMMARY = [column for column in surveys.c if not isinstance(column.type, sa.LargeBinary)]
@@ -60,9 +61,11 @@ def insert_survey(
     trace: Trace,
     along: Sequence[PassRange],
     receipt: Receipt,
+    placing: Placing = "given",
 ) -> str:
-    """Store a trace and the roads it runs along; the survey's id."""
+    """Store a trace and the roads it runs along, as far as they are known; the survey's id."""
     survey_id = new_id()
+    box = bounds_of(trace.lon, trace.lat)
     connection.execute(
         surveys.insert().values(
             survey_id=survey_id,
@@ -72,6 +75,11 @@ def insert_survey(
             recorded_at=trace.recorded_at,
             device=trace.device,
             reference_cell=trace.reference_cell,
+            placing=placing,
+            west=box.west,
+            south=box.south,
+            east=box.east,
+            north=box.north,
             sample_count=len(trace.time_s),
             cell_count=len(trace.cells),
             cells=list(trace.cells),
@@ -82,6 +90,12 @@ def insert_survey(
             rsrp_dbm=pack(trace.rsrp_dbm, F4),
         )
     )
+    insert_passes(connection, survey_id, along)
+    return survey_id
+
+
+def insert_passes(connection: Connection, survey_id: str, along: Sequence[PassRange]) -> None:
+    """Say which samples of a survey run along which roads."""
     rows = [
         {
             "survey_id": survey_id,
@@ -92,8 +106,8 @@ def insert_survey(
         }
         for position, piece in enumerate(along)
     ]
-    connection.execute(passes.insert(), rows)
-    return survey_id
+    if rows:
+        connection.execute(passes.insert(), rows)
 
 
 def name_build(connection: Connection, survey_id: str, build_id: str) -> None:
@@ -142,10 +156,10 @@ def select_page(
 
 
 def select_trace(connection: Connection, survey_id: str) -> Trace | None:
-    """A survey as it was posted (the road it names is the first it runs along)."""
+    """A survey as it was posted (the road it names is the first it runs along, if any)."""
     row = connection.execute(
         sa.select(surveys, passes.c.road_id)
-        .join(passes, passes.c.survey_id == surveys.c.survey_id)
+        .outerjoin(passes, passes.c.survey_id == surveys.c.survey_id)
         .where(surveys.c.survey_id == survey_id)
         .order_by(passes.c.position)
         .limit(1)

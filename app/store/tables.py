@@ -13,7 +13,7 @@ from sqlalchemy import Boolean, Column, Float, ForeignKey, Integer, LargeBinary,
 
 from app.store.columns import UtcMoment
 
-SCHEMA_REVISION = "0002"  # of the newest file in migrations/versions: a start without Alembic
+SCHEMA_REVISION = "0003"  # of the newest file in migrations/versions: a start without Alembic
 
 metadata = sa.MetaData(
     naming_convention={
@@ -38,6 +38,8 @@ roads = Table(
     Column("name", Text),
     Column("created_at", UtcMoment, nullable=False),
     *_bounds(),
+    # True: the drives made it, and its line follows them. False: somebody gave it.
+    Column("found", Boolean, nullable=False, server_default=sa.false()),
     Column("line_lon", LargeBinary),
     Column("line_lat", LargeBinary),
 )
@@ -60,6 +62,9 @@ surveys = Table(
     Column("device", Text),
     Column("reference_cell", Text),
     Column("build_id", String(36)),  # no foreign key: old builds may be cleared away
+    # given: its road was named; waiting: its roads are to be found; found; lost: finding them broke
+    Column("placing", String(8), nullable=False, server_default="given", index=True),
+    *_bounds(),
     Column("sample_count", Integer, nullable=False),
     Column("cell_count", Integer, nullable=False),
     Column("cells", sa.JSON, nullable=False),
