@@ -9,7 +9,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from app.errors import NotFound, NothingToBuild
 from app.services.paging import after, bounded, sealed
-from app.store import builds, roads, versions
+from app.store import builds, drives, roads, versions
 from app.store.columns import utc_now
 from app.store.engine import read, write
 from app.store.records import BuildState, BuildStatus, FailedRoad, Page
@@ -37,7 +37,7 @@ def request_build(
 
     Raises:
         NotFound: One of the ids names no road.
-        NothingToBuild: There is no road to build.
+        NothingToBuild: There is no road to build, and no drive waits for its roads to be found.
     """
     with write(engine) as connection:
         if road_ids is None:
@@ -45,7 +45,7 @@ def request_build(
             road_ids = sorted({*roads.surveyed_roads(connection), *mapped})
         for missing in roads.missing_roads(connection, road_ids):
             raise NotFound("road", missing)
-        if not road_ids:
+        if not road_ids and not drives.waiting_boxes(connection):
             raise NothingToBuild
         build_id = builds.insert_build(connection, activate=activate, due_at=utc_now())
         builds.add_roads(connection, build_id, list(dict.fromkeys(road_ids)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from sqlalchemy.engine import Connection, Engine
@@ -13,18 +13,20 @@ from app.errors import DuplicateSurvey, IdempotencyMismatch
 from app.numerics import lines
 from app.services.builds import join_build
 from app.store import roads, surveys
-from app.store.bounds import bounds_of
+from app.store.bounds import bounds_of, widened
 from app.store.columns import new_id
 from app.store.engine import write
-from app.store.records import Bounds, SurveySummary
+from app.store.records import Placing, SurveySummary
 from app.store.surveys import PassRange, Receipt
 
 NEAR_M = 25.0  # GPS in a street canyon, and the half width of a wide street
-LEAST_SHARE_NEAR = 0.7  # of the samples: a drive that turns off early belongs to no known road
+LEAST_SHARE_NEAR = 0.95  # of the samples: a drive that turns off runs along other roads too
 DEGREES_OF_NEAR = (
     0.001  # some 110 m of latitude: a box this much wider misses no road within NEAR_M
 )
 MOST_VERTICES = 200  # of a line that positions are compared with: memory is samples x vertices
+STRAIGHT_WITHIN_M = 25.0  # of the line from its first to its last sample: a drive of one road
+STRAIGHT_FROM_M = 60.0  # shorter ones are not worth a road
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +72,13 @@ def accept_survey(
         if earlier is not None:
             return _accepted(earlier, replayed=True)
         along = assign_roads(connection, trace)
+        placing: Placing = "waiting" if trace.road_id is None else "given"
         for piece in along:
             part = slice(piece.first_sample, piece.end_sample)
             box = bounds_of(trace.lon[part], trace.lat[part])
-            roads.widen(connection, piece.road_id, box)
+            roads.widen(connection, piece.road_id, box, found=placing == "waiting")
         roads.note_cells(connection, trace.cells)
-        survey_id = surveys.insert_survey(connection, trace, along, receipt)
+        survey_id = surveys.insert_survey(connection, trace, along, receipt, placing)
         if build:
             touched = list(dict.fromkeys(piece.road_id for piece in along))
             surveys.name_build(connection, survey_id, join_build(connection, touched))
@@ -86,13 +89,25 @@ def accept_survey(
 
 def assign_roads(connection: Connection, trace: Trace) -> Sequence[PassRange]:
     """
-    Which roads a trace runs along: the one it names, else the known one it follows, else a new one.
+    Which roads a trace certainly runs along: the one it names, else what can be said at once.
 
-    A trace follows a road when at least `LEAST_SHARE_NEAR` of its samples lie within `NEAR_M` of
-    the road's line; of several the one with the greatest share, the first id among equals.
+    A trace that names no road waits for a build to find its roads (`app.services.network`). Until
+    then it is laid on the known road that `LEAST_SHARE_NEAR` of its samples lie beside; or, when it
+    runs straight, on a road of its own. One that turns has no pass yet.
     """
-    road_id = trace.road_id or _followed_road(connection, trace) or f"road-{new_id()}"
-    return [PassRange(road_id, 0, len(trace.time_s))]
+    road_id = trace.road_id or _followed_road(connection, trace)
+    if road_id is None and _is_straight(trace):
+        road_id = f"road-{new_id()}"
+    return [] if road_id is None else [PassRange(road_id, 0, len(trace.time_s))]
+
+
+def _is_straight(trace: Trace) -> bool:
+    """Whether nearly every sample lies by the line from the first to the last."""
+    ends = Line(trace.lon[[0, -1]], trace.lat[[0, -1]])
+    if lines.length_m(ends) < STRAIGHT_FROM_M:
+        return False
+    offset_m = np.abs(lines.project(ends, trace.lon, trace.lat).offset_m)
+    return float(np.mean(offset_m <= STRAIGHT_WITHIN_M)) >= LEAST_SHARE_NEAR
 
 
 def _earlier_survey(connection: Connection, receipt: Receipt) -> SurveySummary | None:
@@ -112,7 +127,9 @@ def _earlier_survey(connection: Connection, receipt: Receipt) -> SurveySummary |
 
 def _followed_road(connection: Connection, trace: Trace) -> str | None:
     best, best_share = None, 0.0
-    for road_id, line in roads.lines_near(connection, _widened(bounds_of(trace.lon, trace.lat))):
+    for road_id, line in roads.lines_near(
+        connection, widened(bounds_of(trace.lon, trace.lat), DEGREES_OF_NEAR)
+    ):
         thinned = _thinned(line)
         if len(thinned.lon) < 2:
             continue
@@ -128,17 +145,6 @@ def _thinned(line: Line) -> Line:
     step = -(-len(line.lon) // MOST_VERTICES)
     kept = np.unique(np.append(np.arange(0, len(line.lon), step), len(line.lon) - 1))
     return Line(line.lon[kept], line.lat[kept])
-
-
-def _widened(box: Bounds) -> Bounds:
-    scale = 1.0 / max(0.05, float(np.cos(np.radians(box.north))))  # meridians draw together
-    return replace(
-        box,
-        west=box.west - DEGREES_OF_NEAR * scale,
-        south=box.south - DEGREES_OF_NEAR,
-        east=box.east + DEGREES_OF_NEAR * scale,
-        north=box.north + DEGREES_OF_NEAR,
-    )
 
 
 def _accepted(survey: SurveySummary, *, replayed: bool) -> Accepted:

@@ -1,9 +1,10 @@
 """
 A build as a durable DBOS workflow: what a killed worker leaves is taken up where it stopped.
 
-The build's workflow has the build's id, so that dispatching it twice starts it once. It fans its
-roads out in batches through a queue that every worker takes from, one batch at a time each, waits
-for them and publishes. DBOS remembers which steps were done; the steps themselves
+The build's workflow has the build's id, so that dispatching it twice starts it once. It finds the
+roads of drives that name none, fans the build's roads out in batches through a queue that every
+worker takes from, one batch at a time each, waits for them and publishes. DBOS remembers which
+steps were done; the steps themselves
 (`app.services.roadwork`) may all be run again, so a step that was cut off between its write and
 DBOS's note of it does nothing twice either.
 
@@ -22,11 +23,11 @@ from dbos import DBOS, DBOSConfig, SetWorkflowID, StepOptions, WorkflowHandle
 from dbos import error as dbos_error
 from sqlalchemy.engine import Engine, make_url
 
-from app.services import roadwork
+from app.services import network, roadwork
 
 # A workflow is only taken up by workers of the version that began it. Raise this when the order of
 # steps below changes, and let the builds that are under way finish first.
-STEPS_VERSION = "builds-1"
+STEPS_VERSION = "builds-2"
 
 JOBS_FILE = "jobs.sqlite"
 BUILDS, BATCHES = "builds", "batches"
@@ -100,6 +101,7 @@ def launch(
     engine: Engine,
     fit: roadwork.FitRoad,
     calibrate: roadwork.Calibrate,
+    find: network.FindRoads,
     *,
     url: str,
     worker_id: str,
@@ -115,7 +117,7 @@ def launch(
         "scheduler_polling_interval_sec": 3600.0,  # nothing is scheduled
     }
     DBOS(config=config)
-    jobs = _register(engine, fit, calibrate)
+    jobs = _register(engine, fit, calibrate, find)
     DBOS.launch()
     # One build at a time: what is posted meanwhile gathers in the next one.
     DBOS.register_queue(
@@ -134,7 +136,12 @@ def launch(
     return jobs
 
 
-def _register(engine: Engine, fit: roadwork.FitRoad, calibrate: roadwork.Calibrate) -> Jobs:
+def _register(
+    engine: Engine,
+    fit: roadwork.FitRoad,
+    calibrate: roadwork.Calibrate,
+    find: network.FindRoads,
+) -> Jobs:
     @DBOS.workflow(name="build_batch", max_recovery_attempts=None)
     def build_batch(build_id: str, first: int, end: int) -> None:
         listed = _step("list_roads")
@@ -145,10 +152,14 @@ def _register(engine: Engine, fit: roadwork.FitRoad, calibrate: roadwork.Calibra
 
     @DBOS.workflow(name="build", max_recovery_attempts=None)
     def build(build_id: str) -> None:
-        road_count = DBOS.run_step(_step("begin"), roadwork.begin_build, engine, build_id)
+        DBOS.run_step(_step("begin"), roadwork.begin_build, engine, build_id)
+        placed = _step("place_drives")
+        road_count = DBOS.run_step(placed, network.place_drives, engine, find, build_id)
         if road_count:
             _wait_for(_fan_out(build_batch, build_id, road_count))
             DBOS.run_step(_step("publish"), roadwork.publish, engine, calibrate, build_id)
+        else:
+            DBOS.run_step(_step("no_roads"), network.end_without_roads, engine, build_id)
         DBOS.run_step(_step("clear"), roadwork.clear_leftovers, engine, build_id)
 
     return Jobs(build)

@@ -9,7 +9,8 @@ from sqlalchemy.engine import Connection, Engine
 from app.domain import Road, Segment
 from app.errors import NotFound
 from app.services.paging import after, bounded, sealed
-from app.store import catalog, models, roads, versions
+from app.store import catalog, drives, models, roads, versions
+from app.store.bounds import bounds_of, widened
 from app.store.engine import read, write
 from app.store.records import Bounds, CellSummary, Page, RoadSummary
 
@@ -27,6 +28,9 @@ __all__ = [
     "put_road",
     "road_with_segments",
 ]
+
+
+NEAR_DEG = 0.001  # some 110 m: a drive farther off cannot lie on the road
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +53,14 @@ def put_road(engine: Engine, road: Road) -> RoadSummary:
     """
     Create a road or set its name and line; what is None is left as it is.
 
-    A model that is there keeps the line it was built along until the next build of the road.
+    A model that is there keeps the line it was built along until the next build of the road. Drives
+    that name no road and come near the line are laid on it by the next build.
     """
     with write(engine) as connection:
         roads.put_road(connection, road)
+        if road.line is not None:
+            near = widened(bounds_of(road.line.lon, road.line.lat), NEAR_DEG)
+            drives.mark(connection, drives.loose_in(connection, near), "waiting")
         return _road(connection, road.road_id, versions.active_version(connection))
 
 

@@ -8,7 +8,7 @@ from app.domain import Trace
 from app.errors import NotFound
 from app.services.builds import join_build
 from app.services.paging import after, bounded, sealed
-from app.store import roads, surveys
+from app.store import drives, roads, surveys
 from app.store.engine import read, write
 from app.store.records import Page, SurveySummary
 
@@ -66,6 +66,8 @@ def delete_survey(engine: Engine, survey_id: str, *, build: bool = True) -> str 
     """
     Forget a survey; the id of the build that takes it out of the map, None when not asked for.
 
+    Roads that drives made are found again without it: where nobody else drove there is none.
+
     Raises:
         NotFound: There is no such survey.
     """
@@ -73,4 +75,5 @@ def delete_survey(engine: Engine, survey_id: str, *, build: bool = True) -> str 
         touched = surveys.delete(connection, survey_id)
         if touched is None:
             raise NotFound("survey", survey_id)
+        drives.find_again(connection, touched)
         return join_build(connection, touched) if build else None

@@ -19,7 +19,7 @@ from typing import NoReturn
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.services import jobs, roadwork
+from app.services import jobs, network, roadwork
 from app.services.presence import Presence
 from app.settings import Settings
 from app.store import builds
@@ -41,13 +41,14 @@ def run_worker(settings: Settings) -> NoReturn:
     Meant for a process of its own: it lowers its priority and installs signal handlers.
     """
     from app.numerics.calibration import calibrate  # noqa: PLC0415 - see `fit`
+    from app.numerics.network.finding import find_roads  # noqa: PLC0415 - see `fit`
     from app.numerics.roadfit import fit_road  # noqa: PLC0415 - scipy only where roads are built
 
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     os.nice(NICENESS)
-    work(settings, stop, fit_road, calibrate)
+    work(settings, stop, fit_road, calibrate, find_roads)
     logging.shutdown()
     os._exit(0)  # threads within a fit are left behind: joining them would wait for the road
 
@@ -57,6 +58,7 @@ def work(
     stop: threading.Event,
     fit: roadwork.FitRoad,
     calibrate: roadwork.Calibrate,
+    find: network.FindRoads,
 ) -> None:
     """
     Be a worker until ``stop`` is set, with the given numerics.
@@ -68,7 +70,7 @@ def work(
     migrate(engine)
     url = jobs.jobs_url(settings.store_url, settings.data_dir)
     with Presence(engine, settings.data_dir / "workers") as presence:
-        launched = jobs.launch(engine, fit, calibrate, url=url, worker_id=presence.worker_id)
+        launched = jobs.launch(engine, fit, calibrate, find, url=url, worker_id=presence.worker_id)
         log.info("worker %s takes builds", presence.worker_id)
         desk = Desk(engine, presence, launched)
         while not stop.wait(LOOK_S):

@@ -14,6 +14,7 @@ from sqlalchemy.engine import Connection
 from app.store.bounds import overlap
 from app.store.columns import F8, unpack
 from app.store.records import Bounds, Placing
+from app.store.roads import set_found_line
 from app.store.surveys import PassRange, insert_passes
 from app.store.tables import passes, roads, surveys
 
@@ -43,6 +44,18 @@ def waiting_boxes(connection: Connection) -> dict[str, Bounds]:
         .order_by(surveys.c.survey_id)
     )
     return {row.survey_id: Bounds(row.west, row.south, row.east, row.north) for row in rows}
+
+
+def boxes_of(connection: Connection, survey_ids: Iterable[str]) -> list[Bounds]:
+    """The boxes of these drives."""
+    columns = (surveys.c.west, surveys.c.south, surveys.c.east, surveys.c.north)
+    return [
+        Bounds(row.west, row.south, row.east, row.north)
+        for some in _batches(sorted(set(survey_ids)))
+        for row in connection.execute(
+            sa.select(*columns).where(LOOSE, surveys.c.survey_id.in_(some))
+        )
+    ]
 
 
 def loose_in(connection: Connection, box: Bounds) -> set[str]:
@@ -105,6 +118,16 @@ def mark(connection: Connection, survey_ids: Iterable[str], placing: Placing) ->
         connection.execute(
             surveys.update().where(LOOSE, surveys.c.survey_id.in_(some)).values(placing=placing)
         )
+
+
+def find_again(connection: Connection, road_ids: Sequence[str]) -> None:
+    """Let the drives along found roads wait, and forget the line of one that has none left."""
+    made = found_among(connection, road_ids)
+    for road_id in made:
+        left = loose_along(connection, [road_id])
+        mark(connection, left, "waiting")
+        if not left:
+            set_found_line(connection, road_id, None)
 
 
 def found_among(connection: Connection, road_ids: Iterable[str]) -> set[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
@@ -13,6 +14,20 @@ from app.store.bounds import bounds_of, overlap, union
 from app.store.columns import F8, pack, unpack, utc_now
 from app.store.records import Bounds
 from app.store.tables import activations, cells, map_roads, passes, road_models, roads, surveys
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearRoad:
+    """
+    A road with the best line known.
+
+    ``found``: drives made it. ``raw``: the line is but the positions of its first pass.
+    """
+
+    road_id: str
+    found: bool
+    raw: bool
+    line: Line
 
 
 def upsert(connection: Connection, table: sa.Table) -> sqlite.Insert | postgresql.Insert:
@@ -112,19 +127,28 @@ def lines_near(connection: Connection, box: Bounds) -> list[tuple[str, Line]]:
 
     The line that was set, else the active model's, else the positions of the first survey.
     """
+    return [(road.road_id, road.line) for road in roads_near(connection, box)]
+
+
+def roads_near(connection: Connection, box: Bounds) -> list[NearRoad]:
+    """The same with who made each road."""
     found = connection.execute(
-        sa.select(roads.c.road_id, roads.c.line_lon, roads.c.line_lat)
+        sa.select(roads.c.road_id, roads.c.found, roads.c.line_lon, roads.c.line_lat)
         .where(overlap(box, roads.c.west, roads.c.south, roads.c.east, roads.c.north))
         .order_by(roads.c.road_id)
     ).all()
-    lines = []
+    near = []
     for row in found:
-        lon, lat = row.line_lon, row.line_lat
-        if lon is None:
-            lon, lat = _derived_line(connection, row.road_id) or (None, None)
-        if lon is not None and lat is not None:
-            lines.append((row.road_id, Line(unpack(lon, F8), unpack(lat, F8))))
-    return lines
+        line: tuple[bytes, bytes] | None = (row.line_lon, row.line_lat)
+        if row.line_lon is None:
+            line = _modelled_line(connection, row.road_id)
+        raw = line is None
+        if line is None:
+            line = _driven_line(connection, row.road_id)
+        if line is not None:
+            drawn = Line(unpack(line[0], F8), unpack(line[1], F8))
+            near.append(NearRoad(row.road_id, row.found, raw, drawn))
+    return near
 
 
 def note_cells(connection: Connection, names: Iterable[str]) -> None:
@@ -134,7 +158,7 @@ def note_cells(connection: Connection, names: Iterable[str]) -> None:
         connection.execute(upsert(connection, cells).on_conflict_do_nothing(), rows)
 
 
-def _derived_line(connection: Connection, road_id: str) -> tuple[bytes, bytes] | None:
+def _modelled_line(connection: Connection, road_id: str) -> tuple[bytes, bytes] | None:
     newest = sa.select(sa.func.max(activations.c.activation_id)).scalar_subquery()
     modelled = connection.execute(
         sa.select(road_models.c.line_lon, road_models.c.line_lat)
@@ -142,8 +166,10 @@ def _derived_line(connection: Connection, road_id: str) -> tuple[bytes, bytes] |
         .join(activations, activations.c.version == map_roads.c.version)
         .where(activations.c.activation_id == newest, map_roads.c.road_id == road_id)
     ).one_or_none()
-    if modelled is not None:
-        return modelled.line_lon, modelled.line_lat
+    return None if modelled is None else (modelled.line_lon, modelled.line_lat)
+
+
+def _driven_line(connection: Connection, road_id: str) -> tuple[bytes, bytes] | None:
     driven = connection.execute(
         sa.select(surveys.c.lon, surveys.c.lat, passes.c.first_sample, passes.c.end_sample)
         .join(passes, passes.c.survey_id == surveys.c.survey_id)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from app.domain import Calibration
 from app.errors import RoadTooShort
-from app.services import builds, ingest, maps, roadwork
+from app.numerics.network.finding import find_roads
+from app.services import builds, ingest, maps, network, roadwork
 from tests.factories import line_at, model_of, trace_along
 
 
@@ -29,11 +30,15 @@ def post(engine, road_id, seed=1, **options):
 
 def run(engine, build_id):
     """All of a build, as the job does it."""
-    count = roadwork.begin_build(engine, build_id)
+    roadwork.begin_build(engine, build_id)
+    count = network.place_drives(engine, find_roads, build_id)
     for road_id in roadwork.waiting_roads(engine, build_id, 0, count):
         if not roadwork.build_road(engine, fit, build_id, road_id):
             break
-    roadwork.publish(engine, calibrate, build_id)
+    if count:
+        roadwork.publish(engine, calibrate, build_id)
+    else:
+        network.end_without_roads(engine, build_id)
     roadwork.clear_leftovers(engine, build_id)
     return builds.get_build(engine, build_id)
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from app.domain import Calibration, Road
 from app.errors import NotEnoughSamples
+from app.numerics.network.finding import find_roads
 from app.services.worker import work
 from app.settings import Settings
 from tests.factories import line_at, model_of
@@ -37,7 +38,7 @@ def main(data_dir: Path, seconds_a_road: float, database_url: str | None = None)
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     settings = Settings(data_dir=data_dir, database_url=database_url)
-    work(settings, stop, fit, lambda models: Calibration(window_count=len(models)))
+    work(settings, stop, fit, lambda models: Calibration(window_count=len(models)), find_roads)
     os._exit(0)
 
 

@@ -9,10 +9,8 @@ it the roads that were found before stay, and grow on where new ones join them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from app.domain import Line
 from app.numerics.geodesy import Floats, LocalFrame
@@ -21,63 +19,11 @@ from app.numerics.network.appearance import roads_of
 from app.numerics.network.cleaning import clean
 from app.numerics.network.following import OFF_ROAD, Network
 from app.numerics.network.identity import name_lines
+from app.numerics.network.nouns import Driven, Findings, KnownRoad, RoadStretch
 from app.numerics.network.region import Region, cut_piece
 from app.numerics.network.runs import stretches
 from app.numerics.network.steps import STEP_M, Piece
 from app.numerics.network.stretches import passes_of
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Driven:
-    """
-    Positions of a drive.
-
-    Attributes:
-        drive_id: Its name.
-        lon, lat: WGS 84 degrees. Shape ``(samples,)``.
-        time_s: Non-decreasing. Shape ``(samples,)``.
-        new: Its roads are not known yet.
-    """
-
-    drive_id: str
-    lon: Float[np.ndarray, " samples"]
-    lat: Float[np.ndarray, " samples"]
-    time_s: Float[np.ndarray, " samples"]
-    new: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class KnownRoad:
-    """A road with its line; ``given`` ones stay as they are, found ones may grow or move."""
-
-    road_id: str
-    line: Line
-    given: bool
-
-
-@dataclass(frozen=True, slots=True)
-class RoadStretch:
-    """Samples ``first_sample:end_sample`` of a drive run along a road."""
-
-    road_id: str
-    first_sample: int
-    end_sample: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Findings:
-    """
-    What drives say of roads.
-
-    Attributes:
-        lines: Found roads that are new or have a new line, by id.
-        gone: Found roads that no drive runs along any more.
-        passes: Passes of every drive that was looked at, by drive id.
-    """
-
-    lines: Mapping[str, Line]
-    gone: frozenset[str]
-    passes: Mapping[str, tuple[RoadStretch, ...]]
 
 
 def find_roads(
@@ -97,11 +43,17 @@ def find_roads(
         for number, one in enumerate(drives)
         for piece in clean(number, _xy(frame, one.lon, one.lat), one.time_s)
     ]
-    given = {road.road_id: _xy(frame, road.line.lon, road.line.lat) for road in known if road.given}
-    found = {road.road_id: _even(frame, road.line) for road in known if not road.given}
+    given = _lines_of(frame, [road for road in known if road.given])
+    found = _lines_of(frame, [road for road in known if not road.given])
     region = Region.about(piece for piece in pieces if drives[piece.drive].new)
     loose = _left_over(Network(list(given.values())), region.widened().parts_inside(pieces))
-    seeds = [part for line in found.values() for part in region.parts_outside(line)]
+    sure = {road.road_id for road in known if road.sure}
+    seeds = [
+        part
+        for road_id, line in found.items()
+        if road_id in sure
+        for part in region.parts_outside(line)
+    ]
     named = name_lines(roads_of(loose, seeds, list(given.values())), found)
     lines: dict[str, Floats] = {}
     changed: dict[str, Line] = {}
@@ -112,13 +64,10 @@ def find_roads(
             changed[road_id] = _line(frame, one.line)
     passes = _passes(drives, pieces, given | lines)
     driven = {each.road_id for along in passes.values() for each in along}
-    gone = frozenset(found) - frozenset(lines)
-    ghosts = {road_id for road_id in changed if road_id not in driven and road_id not in found}
-    return Findings(
-        {road_id: line for road_id, line in changed.items() if road_id not in ghosts},
-        gone,
-        passes,
-    )
+    kept = {road_id: line for road_id, line in changed.items() if road_id in driven}
+    gone = {road_id for road_id in found if road_id not in lines}
+    gone |= {road_id for road_id in changed if road_id in found and road_id not in driven}
+    return Findings(kept, frozenset(gone), passes)
 
 
 def _passes(
@@ -157,6 +106,20 @@ def _frame_of(drives: Sequence[Driven]) -> LocalFrame:
 def _xy(frame: LocalFrame, lon: Floats, lat: Floats) -> Floats:
     at = frame.to_xy(lon, lat)
     return np.stack([at.x_m, at.y_m], axis=1)
+
+
+def _lines_of(frame: LocalFrame, known: Sequence[KnownRoad]) -> dict[str, Floats]:
+    """Lines in even steps; of a road that is but a drive's positions, the cleaned drive."""
+    lines = {}
+    for road in known:
+        if not road.raw:
+            lines[road.road_id] = _even(frame, road.line)
+            continue
+        once_a_second = np.arange(len(road.line.lon), dtype=float)
+        pieces = clean(0, _xy(frame, road.line.lon, road.line.lat), once_a_second)
+        if pieces:
+            lines[road.road_id] = max(pieces, key=lambda piece: len(piece.xy_m)).xy_m
+    return lines
 
 
 def _even(frame: LocalFrame, line: Line) -> Floats:
