@@ -172,6 +172,25 @@ def test_paper_finds_a_sub_segment_from_its_own_readings(waves, lab):
     assert right >= 0.8 * len(atlas.road)
 
 
+def test_paper_without_selection_compares_all_features(waves, lab):
+    """The letter of Eq. 6: the largest gain is that of the full set, so W is the identity."""
+    scale = draw_atlas(lab.survey(*waves), 2.0, 0.0).segments
+    seen = scale.features[0] + 1.0
+    assert scale.distance(seen, select=False)[0] == pytest.approx(np.sqrt(len(seen)))
+    assert scale.distance(seen, select=True)[0] == pytest.approx(np.sqrt(scale.mask[0].sum()))
+
+
+def test_passes_are_held_out_whole_where_a_road_has_several(lab):
+    """Undated passes: the last of them, never every second sample."""
+    street = lab.street("a", 0.0, lab.wave(1))
+    one = lab.survey(street)
+    six = replace(one, traces=tuple(street.trace() for _ in range(6)))
+    train, held = split(six)
+    assert [len(each.lon) for each in held] == [len(one.traces[0].lon)]
+    assert len(train.traces) == 5
+    assert held[0] is six.traces[-1]
+
+
 def test_paper_masks_keep_at_least_one_feature_of_every_stretch(waves, lab):
     """A road or sub-segment without a salient feature would match everything."""
     atlas = draw_atlas(lab.survey(*waves), 2.0, 0.0)

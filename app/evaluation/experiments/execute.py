@@ -32,7 +32,7 @@ def execute(wanted: Sequence[Job], folder: Path, processes: int, told: Told) -> 
             missing.append(job)
     if not missing:
         return
-    missing.sort(key=weight, reverse=True)  # the longest first: no process is left alone at the end
+    missing.sort(key=_work, reverse=True)  # the longest first: no process is left alone at the end
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         running = {pool.submit(finish, job, folder): job for job in missing}
         for done in as_completed(running):
@@ -48,3 +48,9 @@ def finish(job: Job, folder: Path) -> None:
 def weight(job: Job) -> int:
     """Windows asked: what the progress bar counts."""
     return job.setting.windows * len(job.cases)
+
+
+def _work(job: Job) -> tuple[int, int]:
+    """What takes longest to run: large cities, then many windows."""
+    roads = job.setting.scenario.roads if job.setting.scenario is not None else 0
+    return roads, weight(job)

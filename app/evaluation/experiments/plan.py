@@ -18,14 +18,15 @@ from app.evaluation.protocols import PROTOCOLS, Protocol
 from app.evaluation.scenario import Scenario, preset
 
 WINDOW_M = 30.0
+WINDOW_S = 10.0  # instead, where samples come by the clock: 30 m would hold four of them
+REAL_WINDOW_M = 200.0
 REAL_WINDOWS_M = (50.0, 100.0, 200.0, 400.0)
 REAL_GRID_M = 2.0  # the paper's, for its own drives
-CITY_SIZES = (4, 16, 64, 256)
+CITY_SIZES = (4, 16, 64, 256, 1000)  # the last is the preset `city` itself
 CITY_WINDOWS = 100
-MAP_METHODS = (
-    "exhaustive",
-    "roadprint",
-)  # the others cannot be fitted to hundreds of roads in time
+FEWEST_CITY_CELLS = 8
+RIVAL_ROADS = 64  # beyond, choosing a rival's parameters on the survey takes minutes, then hours
+MAP_METHODS = ("exhaustive", "roadprint")  # one map, no parameter to choose
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -46,6 +47,7 @@ class Setting:
         data: Folder of real data, None in a simulated city.
         grid_m: Spacing of the survey's samples and of reference points.
         windows: Asked in each case.
+        tuned_m: Length of the windows for which free parameters are chosen.
     """
 
     scenario: Scenario | None
@@ -54,6 +56,7 @@ class Setting:
     grid_m: float
     methods: tuple[str, ...]
     windows: int
+    tuned_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,30 +98,40 @@ class Ask:
         scenario = None
         if self.scenario is not None:
             scenario = replace(preset(self.scenario), **changes)
-        return Setting(scenario, self.data, seed, grid_m, self.methods, self.windows)
+        tuned_m = self.window_m
+        return Setting(scenario, self.data, seed, grid_m, self.methods, self.windows, tuned_m)
+
+    @property
+    def window_m(self) -> float:
+        """Length of a window where the experiment does not vary it."""
+        if self.scenario is None:
+            return REAL_WINDOW_M
+        scenario = preset(self.scenario)
+        by_clock = scenario.sample_interval_s is not None
+        return WINDOW_S * scenario.speed_mps if by_clock else WINDOW_M
 
 
 def _cells(ask: Ask, seed: int) -> Iterator[Point]:
     for cells in range(1, 7):
         for protocol in PROTOCOLS:
             setting = ask.setting(seed, cells=cells)
-            yield Point("cells", cells, f"{cells}", setting, Case(protocol, WINDOW_M))
+            yield Point("cells", cells, f"{cells}", setting, Case(protocol, ask.window_m))
 
 
 def _grid(ask: Ask, seed: int) -> Iterator[Point]:
     for grid_m in (1.0, 2.0, 4.0, 6.0, 8.0, 10.0):
         for protocol in PROTOCOLS:
             setting = ask.setting(seed, grid_m)
-            yield Point("grid", grid_m, f"{grid_m:g} m", setting, Case(protocol, WINDOW_M))
+            yield Point("grid", grid_m, f"{grid_m:g} m", setting, Case(protocol, ask.window_m))
 
 
 def _cdf(ask: Ask, seed: int) -> Iterator[Point]:
     if ask.data is not None:
         setting = ask.setting(seed, REAL_GRID_M)
-        yield Point("cdf", 200.0, "2 m grid", setting, Case("anywhere", 200.0))
+        yield Point("cdf", REAL_GRID_M, "2 m grid", setting, Case("anywhere", ask.window_m))
     else:
         setting = ask.setting(seed, 2.0, cells=2)
-        yield Point("cdf", 2.0, "2 cells, 2 m grid", setting, Case("anywhere", WINDOW_M))
+        yield Point("cdf", 2.0, "2 cells, 2 m grid", setting, Case("anywhere", ask.window_m))
 
 
 def _window(ask: Ask, seed: int) -> Iterator[Point]:
@@ -131,7 +144,7 @@ def _window(ask: Ask, seed: int) -> Iterator[Point]:
 def _noise(ask: Ask, seed: int) -> Iterator[Point]:
     for noise_db in (0.0, 1.0, 2.0, 4.0, 6.0):
         setting = ask.setting(seed, noise_db=noise_db)
-        yield Point("noise", noise_db, f"{noise_db:g} dB", setting, Case("anywhere", WINDOW_M))
+        yield Point("noise", noise_db, f"{noise_db:g} dB", setting, Case("anywhere", ask.window_m))
 
 
 def _impairments(ask: Ask, seed: int) -> Iterator[Point]:
@@ -145,28 +158,29 @@ def _impairments(ask: Ask, seed: int) -> Iterator[Point]:
         "2 dB drift": {"drift_db": harsh.drift_db},
         "3 m survey": {"survey_position_noise_m": harsh.survey_position_noise_m},
     }
-    case = Case("anywhere", WINDOW_M)
+    case = Case("anywhere", ask.window_m)
     for i, (label, change) in enumerate(changes.items()):
         yield Point("impairments", i, label, ask.setting(seed, **change), case)
     everything = replace(ask, scenario="harsh").setting(seed)
+    everything = replace(everything, tuned_m=case.window_m)  # one length for all, to compare
     yield Point("impairments", len(changes), "all (harsh)", everything, case)
 
 
 def _passes(ask: Ask, seed: int) -> Iterator[Point]:
     for passes in (1, 2, 3, 5):
-        setting = replace(ask, scenario="harsh").setting(seed, survey_passes=passes)
-        yield Point("passes", passes, f"{passes}", setting, Case("anywhere", WINDOW_M))
+        harsh = replace(ask, scenario="harsh")
+        setting = harsh.setting(seed, survey_passes=passes)
+        yield Point("passes", passes, f"{passes}", setting, Case("anywhere", harsh.window_m))
 
 
 def _reliability(ask: Ask, seed: int) -> Iterator[Point]:
     if ask.data is not None:
-        setting = ask.setting(seed, REAL_GRID_M)
-        yield Point("reliability", 0, "data", setting, Case("anywhere", 200.0))
+        yield from (replace(point, experiment="reliability") for point in _window(ask, seed))
         return
-    case = Case("anywhere", WINDOW_M)
-    yield Point("reliability", 0, str(ask.scenario), ask.setting(seed), case)
-    if ask.scenario != "harsh":
-        yield Point("reliability", 1, "harsh", replace(ask, scenario="harsh").setting(seed), case)
+    names = dict.fromkeys((str(ask.scenario), "harsh"))
+    for i, one in enumerate(replace(ask, scenario=name) for name in names):
+        case = Case("anywhere", one.window_m)
+        yield Point("reliability", i, str(one.scenario), one.setting(seed), case)
 
 
 def _recall(ask: Ask, seed: int) -> Iterator[Point]:
@@ -181,11 +195,17 @@ def _recall(ask: Ask, seed: int) -> Iterator[Point]:
 def _roads(ask: Ask, seed: int) -> Iterator[Point]:
     if seed != 0:
         return  # a question of time, not of chance: one city of each size
-    methods = tuple(name for name in ask.methods if name in MAP_METHODS)
-    small = replace(ask, scenario="city", methods=methods, windows=min(ask.windows, CITY_WINDOWS))
-    for roads in CITY_SIZES if methods else ():
-        setting = small.setting(seed, roads=roads, cells=max(8, roads // 2))
-        yield Point("roads", roads, f"{roads}", setting, Case("anywhere", WINDOW_M))
+    whole = preset("city")
+    for roads in CITY_SIZES:
+        rivals = roads <= RIVAL_ROADS
+        methods = tuple(name for name in ask.methods if rivals or name in MAP_METHODS)
+        if not methods:
+            continue
+        few = min(ask.windows, CITY_WINDOWS)
+        small = replace(ask, scenario="city", methods=methods, windows=few)
+        cells = max(FEWEST_CITY_CELLS, whole.cells * roads // whole.roads)
+        setting = small.setting(seed, roads=roads, cells=cells)
+        yield Point("roads", roads, f"{roads}", setting, Case("anywhere", small.window_m))
 
 
 EXPERIMENTS: dict[str, Callable[[Ask, int], Iterator[Point]]] = {

@@ -13,7 +13,7 @@ import numpy as np
 
 from app.domain import Fix, Trace
 from app.evaluation.bound import least_sd_m
-from app.evaluation.experiments.plan import WINDOW_M, Case, Job, Setting
+from app.evaluation.experiments.plan import Case, Job, Setting
 from app.evaluation.methods import METHODS, Confident, Estimate, Model, Place, Previous, Survey
 from app.evaluation.passes import Drive
 from app.evaluation.protocols import WINDOWS_A_DRIVE, Asked, tour
@@ -23,8 +23,6 @@ from app.numerics.geodesy import LocalFrame, distance_m
 
 Clock = Callable[[], float]
 """Seconds from any origin; only differences count."""
-
-TUNED_WINDOW_M = {False: WINDOW_M, True: 200.0}  # by whether the data are real
 
 
 @dataclass(slots=True)
@@ -89,14 +87,14 @@ class World:
 def _world(setting: Setting) -> World:
     if setting.scenario is None:
         data = _load(str(setting.data))
-        learn = Survey(data.roads, data.survey, setting.grid_m, TUNED_WINDOW_M[True])
+        learn = Survey(data.roads, data.survey, setting.grid_m, setting.tuned_m)
         return World(learn, None, data.tests)
     city = build_city(setting.scenario, setting.seed)
     stride = max(1, round(setting.grid_m / setting.scenario.spacing_m))
     traces = tuple(_thinned(trace, stride) for trace in survey(city))
     roads = tuple(truth.road for truth in city.roads)
     grid_m = max(setting.grid_m, setting.scenario.spacing_m / setting.scenario.survey_passes)
-    learn = Survey(roads, traces, grid_m, TUNED_WINDOW_M[False], _sites(city))
+    learn = Survey(roads, traces, grid_m, setting.tuned_m, _sites(city))
     return World(learn, city, ())
 
 
@@ -209,6 +207,9 @@ def _fix(model: Model, asked: Asked, estimate: Estimate) -> dict[str, Any]:
         "lat": estimate.lat,
         "located": estimate.located,
         "error_m": float(distance_m(estimate.lon, estimate.lat, truth.lon, truth.lat)),
+        "along_m": abs(estimate.chainage_m - truth.chainage_m)
+        if estimate.road_id == truth.road_id
+        else None,
         "road_right": road_right,
         "direction_right": direction_right,
         "posterior": estimate.posterior,

@@ -66,6 +66,8 @@ def score(fixes: pa.Table) -> Row:
     least_m = least_m[~np.isnan(least_m)]
     recall = _floats(fixes, "recall")
     recall = recall[~np.isnan(recall)]
+    along_m = _floats(fixes, "along_m")
+    along_m = along_m[~np.isnan(along_m)]
     return {
         "windows": len(error_m),
         "mde_m": float(error_m.mean()),
@@ -75,6 +77,7 @@ def score(fixes: pa.Table) -> Row:
         "p75_m": p75,
         "p90_m": p90,
         "p95_m": p95,
+        "median_along_m": float(np.median(along_m)) if len(along_m) else None,
         "road_rate": _rate(fixes, "road_right"),
         "direction_rate": _rate(fixes, "direction_right"),
         "segment_rate": _rate(fixes, "segment_right"),

@@ -38,6 +38,7 @@ SCHEMA = pa.schema(
         ("lat", pa.float64()),
         ("located", pa.bool_()),
         ("error_m", pa.float64()),
+        ("along_m", pa.float64()),
         ("road_right", pa.bool_()),
         ("direction_right", pa.bool_()),
         ("posterior", pa.float64()),

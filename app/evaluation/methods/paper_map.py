@@ -105,9 +105,11 @@ class Scale:
     features: Float[np.ndarray, "rows features"]
     mask: Bool[np.ndarray, "rows features"]
 
-    def distance(self, seen: Float[np.ndarray, " features"], rows: slice) -> Floats:
-        """``||W (e_u - e)||`` of the rows."""
-        difference = np.where(self.mask[rows], seen - self.features[rows], 0.0)
+    def distance(self, seen: Float[np.ndarray, " features"], *, select: bool) -> Floats:
+        """``||W (e_u - e)||`` of every row; without selection W is the identity."""
+        difference = seen - self.features
+        if select:
+            difference = np.where(self.mask, difference, 0.0)
         return np.sqrt((difference**2).sum(axis=1))
 
 

@@ -17,6 +17,7 @@ from app.numerics.geodesy import distance_m
 P = TypeVar("P")
 
 TUNING_WINDOWS = 24  # under each protocol
+HELD_SHARE = 5  # one pass in so many is held out where days do not tell
 FARTHEST_M = 150.0  # a miss counts no more: one lost drive must not choose the parameters
 
 
@@ -24,8 +25,9 @@ def choose(choices: Sequence[P], fit: Callable[[Survey, P], Model], survey: Surv
     """
     The parameters of least mean error on held-out survey windows; the first among equals.
 
-    Passes of the last day are held out where roads were driven on several; with one pass a road,
-    every second sample is (neighbouring samples share the place, not the noise).
+    Passes of the last day are held out where the other days cover their roads, else the last fifth
+    of each road's passes. Only with one pass a road every second sample is (neighbouring samples
+    share the place, not the noise).
     """
     train, held = split(survey)
     drives = [_drive(survey, trace) for trace in held]
@@ -46,8 +48,21 @@ def split(survey: Survey) -> tuple[Survey, list[Trace]]:
     rest = [trace for trace in survey.traces if not days or _day(trace) != days[-1]]
     if last and rest and {trace.road_id for trace in last} <= {trace.road_id for trace in rest}:
         return replace(survey, traces=tuple(rest)), last
+    held = _last_passes(survey)
+    if held:
+        rest = [trace for trace in survey.traces if not any(trace is one for one in held)]
+        return replace(survey, traces=tuple(rest)), held
     train = tuple(_every_second(trace, 0) for trace in survey.traces)
     return replace(survey, traces=train), [_every_second(trace, 1) for trace in survey.traces]
+
+
+def _last_passes(survey: Survey) -> list[Trace]:
+    """The last fifth, at least one, of the passes of each road that has several."""
+    by_road: dict[str | None, list[Trace]] = {}
+    for trace in survey.traces:
+        by_road.setdefault(trace.road_id, []).append(trace)
+    several = [passes for passes in by_road.values() if len(passes) > 1]
+    return [trace for passes in several for trace in passes[-max(1, len(passes) // HELD_SHARE) :]]
 
 
 def _day(trace: Trace) -> str | None:

@@ -45,6 +45,7 @@ SETTINGS: Any = {
     "figure.constrained_layout.use": True,
 }
 PNG_DPI = 110
+MOST_COLUMNS = 4  # so many panels or more go into two rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,10 +158,14 @@ def reliability(groups: Mapping[str, Sequence[Row]]) -> Drawn:
 
 
 def _drawn(draw: Callable[[Sequence[Axes]], None], panels: int, *, share_y: bool) -> Drawn:
+    columns = panels if panels < MOST_COLUMNS else -(-panels // 2)
+    rows = -(-panels // columns)
     with mpl.rc_context(SETTINGS):
-        figure = Figure(figsize=(3.4 * panels + 1.6, 3.3))
-        axes = figure.subplots(1, panels, sharey=share_y, squeeze=False)[0]
-        draw(list(axes))
+        figure = Figure(figsize=(3.4 * columns + 1.6, 3.3 * rows))
+        axes = list(figure.subplots(rows, columns, sharey=share_y, squeeze=False).ravel())
+        for empty in axes[panels:]:
+            empty.remove()
+        draw(axes[:panels])
         svg, png = io.StringIO(), io.BytesIO()
         figure.savefig(svg, format="svg", metadata={"Date": None})
         figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})

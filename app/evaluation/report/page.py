@@ -10,11 +10,12 @@ from app.evaluation.experiments.score import Row
 from app.evaluation.report.verdict import Finding
 
 STYLE = """
-body{font:16px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222}
+body{font:16px/1.5 system-ui,sans-serif;max-width:84rem;margin:2rem auto;padding:0 1rem;color:#222}
 h1{font-size:1.7rem}h2{margin-top:2.5rem;border-top:1px solid #ddd;padding-top:1rem}
+p,ul{max-width:62rem}svg{max-height:30rem}
 table{border-collapse:collapse;font-size:.8rem;margin:1rem 0;font-variant-numeric:tabular-nums}
 .wide{overflow-x:auto}
-th,td{padding:.2rem .55rem;text-align:right;border-bottom:1px solid #eee;white-space:nowrap}
+th,td{padding:.2rem .5rem;text-align:right;border-bottom:1px solid #eee;white-space:nowrap}
 th:first-child,td:first-child,th.text,td.text{text-align:left}
 tr.ours{background:#fdeeee}svg{max-width:100%;height:auto}
 .no{color:#a11}.yes{color:#161}p.note{color:#555;font-size:.9rem}
@@ -31,6 +32,7 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("p75_m", "p75", ".2f"),
     ("p90_m", "p90", ".2f"),
     ("p95_m", "p95", ".2f"),
+    ("median_along_m", "median along", ".2f"),
     ("road_rate", "road", ".1%"),
     ("direction_rate", "direction", ".1%"),
     ("median_delay_ms", "median ms", ".3f"),
