@@ -165,3 +165,107 @@ def test_url_and_folder_exclude_one_another(run, dataset, store):
     """A service has its own folder."""
     done = run("import", dataset, "--url", "http://127.0.0.1:9", "--data", store)
     assert done.exit_code == 2
+
+
+DRIVES = "trace_id,timestamp_s,lat,lon,speed_mps,cell_id,rsrp_dbm,serving\n" + "".join(
+    f"t{k},{1_700_000_000 + 4000 * k + i}.0,{48 + 1e-4 * i:.4f},11.5,,"
+    f"850:{7 + j},{-90 - i - j},{1 - j}\n"
+    for k in range(3)
+    for i in range(20)
+    for j in range(2)
+)
+ROLES = "trace_id,role\nt0,survey\nt1,test\nt2,survey\n"
+
+
+def drives_file(folder, text=DRIVES, roles=None):
+    folder.mkdir(exist_ok=True)
+    (folder / "drives.csv.gz").write_bytes(gzip.compress(text.encode()))
+    if roles:
+        (folder / "drives_index.csv").write_text(roles)
+    return folder / "drives.csv.gz"
+
+
+def test_a_file_of_drives_is_a_survey_a_drive(run, store, tmp_path):
+    """Each whole drive with its samples and its time, on no road yet."""
+    done = run("import", drives_file(tmp_path / "set"), "--data", store, "--no-build")
+    assert done.exit_code == 0, done.output
+    engine, surveys = stored(store)
+    assert [survey.samples for survey in surveys] == [20, 20, 20]
+    assert surveys[0].recorded_at.timestamp() == 1_700_000_000
+    trace = survey_trace(engine, surveys[0].survey_id)
+    assert trace.cells == ("850:7", "850:8")
+    np.testing.assert_array_equal(trace.rsrp_dbm[:, 0], -90.0 - np.arange(20))
+    assert "drives.csv.gz: tidy" in done.stdout
+
+
+@pytest.mark.parametrize(("words", "count"), [([], 2), (["--include-tests"], 3)])
+@pytest.mark.parametrize("whole_folder", [True, False])
+def test_test_drives_are_left_out_and_said_to_be(run, store, tmp_path, words, count, whole_folder):
+    """The index beside the file keeps them for measuring the map, unless they are asked for."""
+    path = drives_file(tmp_path / "set", roles=ROLES)
+    done = run(
+        "import", path.parent if whole_folder else path, "--data", store, "--no-build", *words
+    )
+    assert done.exit_code == 0, done.output
+    assert len(stored(store)[1]) == count
+    assert ("--include-tests" in " ".join(done.stdout.split())) == (count == 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("hello\n", "header of no known table"),
+        (DRIVES + "t2,1700009000.0,x,11.5,,850:7,-90,1\n", "not a number (line 122)"),
+        (
+            DRIVES.replace("lat,lon", "lon,lat").replace(",11.5,", ",111.5,"),
+            "lon and lat look swapped",
+        ),
+    ],
+)
+def test_a_wrong_or_broken_file_stores_nothing_and_the_next_is_taken(
+    run, store, tmp_path, text, complaint
+):
+    """Also what came before the fault; the reason names the line."""
+    bad, good = tmp_path / "bad.csv", tidy_csv(tmp_path / "good.csv")
+    bad.write_text(text)
+    done = run("import", bad, good, "--data", store, "--no-build")
+    assert done.exit_code == 1
+    assert complaint in " ".join(done.stderr.split())
+    assert len(stored(store)[1]) == 1
+
+
+def test_keep_going_takes_the_sound_rows_of_a_broken_file(run, store, tmp_path):
+    """And says which were not."""
+    path = tmp_path / "bad.csv"
+    path.write_text(DRIVES + "t2,1700009000.0,x,11.5,,850:7,-90,1\n")
+    done = run("import", path, "--data", store, "--no-build", "--keep-going")
+    assert done.exit_code == 0, done.output
+    assert "rows dropped: not a number" in done.stdout
+    assert "(line 122)" in done.stdout
+    assert len(stored(store)[1]) == 3
+
+
+def test_device_and_time_zone_are_what_the_person_says(run, store, tmp_path):
+    """Local times are moved to UTC, and the account says by which zone."""
+    path = tmp_path / "log.txt"
+    head = "Timestamp\tLongitude\tLatitude\tNetworkTech\tLevel\tARFCN\tPSC\n"
+    rows = "".join(
+        f"2025.01.08_10.00.{i:02d}\t11.5\t48.{i:04d}\t4G\t-90\t850\t7\t\n" for i in range(9)
+    )
+    path.write_text(head + rows)
+    words = ["--device", "blue phone", "--time-zone", "Europe/Berlin", "--format", "gnettrack"]
+    done = run("import", path, "--data", store, "--no-build", *words)
+    assert done.exit_code == 0, done.output
+    (survey,) = stored(store)[1]
+    assert survey.device == "blue phone"
+    assert survey.recorded_at.hour == 9
+    assert "Europe/Berlin" in done.stdout
+
+
+@pytest.mark.parametrize("words", [["--time-zone", "Mars"], ["--format", "nemo"]])
+def test_an_option_without_meaning_is_refused_before_anything_happens(run, store, tmp_path, words):
+    """Exit code 2, no store."""
+    done = run("import", tidy_csv(tmp_path / "drive.csv"), "--data", store, *words)
+    assert done.exit_code == 2
+    assert words[1] in done.stderr
+    assert not store.exists()
