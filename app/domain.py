@@ -161,15 +161,63 @@ class RoadModel:
 
 
 @dataclass(frozen=True, slots=True)
-class Calibration:
-    """What held-out windows say of a whole map's probabilities. Plain numbers, stored as JSON."""
+class Reliability:
+    """
+    How often a map's probabilities came true on windows that its curves had not seen.
 
-    temperature: float = 1.0
+    Attributes:
+        window_count: Held-out windows asked for; ``measured_count`` of them from other days than
+            their curves, the rest drawn from the model.
+        road_right: Share whose most probable road was the true one.
+        ece: Expected calibration error of the road's posterior (Naeini et al. 2015), 0..1.
+        curve: Ten bins of the road's posterior: mean posterior, share right, windows.
+        coverage: Pairs of confidence and share of windows whose radius held the truth.
+        median_m, p90_m: Of the distance from the truth.
+        refused: Share answered as off the map though they were on it.
+        strangers_refused: Share of windows asked for in the map without their road that were
+            answered as off the map; ``off_map_auroc`` says how well the two are told apart.
+    """
+
+    window_count: int = 0
+    measured_count: int = 0
+    road_right: float | None = None
+    ece: float | None = None
+    curve: tuple[tuple[float, float, int], ...] = ()
+    coverage: tuple[tuple[float, float], ...] = ()
+    median_m: float | None = None
+    p90_m: float | None = None
+    refused: float | None = None
+    strangers_refused: float | None = None
+    off_map_auroc: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """
+    What held-out windows say of a whole map's probabilities. Plain numbers, stored as JSON.
+
+    Attributes:
+        information_once, information_each: A window whose samples weigh ``w`` together says as much
+            as ``information_once + information_each w`` independent samples, and no more than it
+            has: neighbours share shadowing, a whole window what has changed since the survey.
+        offset_sd_db: Spread of the survey devices' offsets.
+        position_sd_m: Error of surveyed positions along the road.
+        off_map_intercept, off_map_slope: Log odds of being on the map, given how a window fits.
+    """
+
+    information_once: float = 0.0
+    information_each: float = 1.0
     offset_sd_db: float = 1.0
     position_sd_m: float = 0.0
     off_map_intercept: float = 4.0
     off_map_slope: float = 2.0
     window_count: int = 0
+    reliability: Reliability = Reliability()
+
+    def temperature(self, weight: float, samples: int) -> float:
+        """What the scores of a window are divided by whose samples weigh ``weight`` together."""
+        weight = max(weight, 1e-3)
+        return weight / min(self.information_once + self.information_each * weight, samples)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

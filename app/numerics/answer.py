@@ -18,8 +18,9 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
     The road is the most probable one; the position is the mean of the posterior about its highest
     peak on that road, in one direction; the sub-segment is the one that holds it.
     """
-    told = summarise(index, places, confidence, in_c=query.told is not None)
-    fit = _fit_at(index, query, places, told.best)
+    temperature = query.temperature(index.calibration)
+    told = summarise(index, places, temperature, confidence, in_c=query.told is not None)
+    fit = fit_of_place(index, query, places, told.best)
     off_map = off_map_probability(index.calibration, fit)
     road, sign = index.roads[told.road], int(places.sign[told.peak])
     segment = int(road.edges_m[1:-1].searchsorted(told.chainage_m, side="right"))
@@ -54,15 +55,11 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
     )
 
 
-def fit_at_best(index: MapIndex, query: Query, places: Places) -> float | None:
-    """How well the window fits where it fits best; None when the map knows none of its cells."""
-    return _fit_at(index, query, places, int(places.score.argmax()))
-
-
-def _fit_at(index: MapIndex, query: Query, places: Places, best: int) -> float | None:
+def fit_of_place(index: MapIndex, query: Query, places: Places, place: int) -> float | None:
+    """How well the window fits at a place; None when the map knows none of its cells."""
     if not query.cells:
         return None
-    score, residual, weight = places.values[SCORE:, best].tolist()
+    score, residual, weight = places.values[SCORE:, place].tolist()
     return fit_per_reading(score, residual, weight, index.offset_prior, query.fine)
 
 

@@ -1,19 +1,95 @@
-"""Columns of a road model's evidence: one row a held-out window."""
+"""
+Held-out windows as one float32 table, which is how a road model carries them.
+
+Rows of one window follow each other: one that tells its truth, one a reading, one a place where it
+fits on its own road. Columns: number of the window, what the row is, and six values.
+"""
 
 from __future__ import annotations
 
-from itertools import product
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float, Float32, Int
 
-TEMPERATURES = tuple(float(t) for t in np.round(np.geomspace(0.08, 12.0, 16), 3))
-POSITION_SDS_M = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 11.0)
-CHOICES = tuple(product(TEMPERATURES, POSITION_SDS_M))
-FIXED_COLUMNS = (
-    "fit",  # best score on the road per independent reading
-    "offset_db",  # device offset at the truth
-    "offset_variance_db2",  # what the window's own noise puts into it
-    "measured",  # 1 = a real pass, 0 = drawn from the model
-)
-# Log of the posterior per metre at the truth, for each temperature and error of the truth itself.
-COLUMNS = FIXED_COLUMNS + tuple(f"log_density_at_{t}_{sd}m" for t, sd in CHOICES)
+from app.numerics.posterior import VALUES, Places
+
+COLUMNS = 8
+TRUTH, READING, PLACE = range(3)  # chainage, sign, measured | distance, cell, dBm | sign, values
+NO_CELL = -1.0  # of a sample that heard nothing, which is evidence too
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOut:
+    """
+    A window that its road's curves have not seen.
+
+    Attributes:
+        distance_m: Of each sample, the last one at 0. Shape ``(samples,)``.
+        rsrp_dbm: Shape ``(samples, cells)``; NaN = not heard.
+        cells: Numbers of the columns among the road model's cells. Shape ``(cells,)``.
+        chainage_m: Where the last sample was taken.
+        sign: +1 when driven towards growing chainage, else -1.
+        measured: False when the readings are drawn from the model.
+        places: Where on its own road the window fits; scores do not hold the device's offset yet.
+    """
+
+    distance_m: Float[np.ndarray, " samples"]
+    rsrp_dbm: Float[np.ndarray, "samples cells"]
+    cells: Int[np.ndarray, " cells"]
+    chainage_m: float
+    sign: int
+    measured: bool
+    places: Places
+
+
+def pack(windows: Sequence[HeldOut]) -> Float32[np.ndarray, "rows 8"]:
+    """The table of these windows."""
+    parts = [np.zeros((0, COLUMNS))]
+    for number, one in enumerate(windows):
+        truth = np.zeros((1, COLUMNS))
+        truth[0, 1:5] = TRUTH, one.chainage_m, one.sign, one.measured
+        sample, column = np.nonzero(~np.isnan(one.rsrp_dbm))
+        silent = np.flatnonzero(np.isnan(one.rsrp_dbm).all(axis=1))
+        readings = np.zeros((len(sample) + len(silent), COLUMNS))
+        readings[:, 1] = READING
+        readings[:, 2] = one.distance_m[np.concatenate([sample, silent])]
+        readings[:, 3] = np.concatenate([one.cells[column], np.full(len(silent), NO_CELL)])
+        readings[: len(sample), 4] = one.rsrp_dbm[sample, column]
+        places = np.zeros((len(one.places), COLUMNS))
+        places[:, 1], places[:, 2], places[:, 3:] = PLACE, one.places.sign, one.places.values.T
+        block = np.concatenate([truth, readings, places])
+        block[:, 0] = number
+        parts.append(block)
+    return np.concatenate(parts).astype(np.float32)
+
+
+def unpack(table: Float[np.ndarray, "rows columns"], road: int) -> list[HeldOut]:
+    """
+    The windows of a model's table; none where it is of another layout.
+
+    Args:
+        road: Number that the places get.
+    """
+    if table.shape[1] != COLUMNS or not len(table):
+        return []
+    starts = np.flatnonzero(table[:, 1] == TRUTH)
+    return [_window(block.astype(np.float64), road) for block in np.split(table, starts[1:])]
+
+
+def _window(block: Float[np.ndarray, "rows 8"], road: int) -> HeldOut:
+    _, _, chainage_m, sign, measured = block[0, :5].tolist()
+    readings = block[block[:, 1] == READING]
+    places = block[block[:, 1] == PLACE]
+    distance_m, sample = np.unique(readings[:, 2], return_inverse=True)
+    heard = readings[:, 3] != NO_CELL
+    cells, column = np.unique(readings[heard, 3].astype(np.intp), return_inverse=True)
+    rsrp_dbm = np.full((len(distance_m), len(cells)), np.nan)
+    rsrp_dbm[sample[heard], column] = readings[heard, 4]
+    signs = places[:, 2].astype(np.int64)
+    where = np.stack([np.full_like(signs, road), signs])
+    values = np.ascontiguousarray(places[:, 3 : 3 + VALUES].T)
+    return HeldOut(
+        distance_m, rsrp_dbm, cells, chainage_m, int(sign), bool(measured), Places(where, values)
+    )

@@ -2,7 +2,8 @@
 Evidence for calibration: a road's own windows against curves that have not seen them.
 
 Passes are held out by day; a road with one pass, or one day, has windows drawn from its own curves
-and spread instead, which say nothing of devices and days and are marked so.
+and spread instead, which say nothing of devices and days and are marked so. How such a window fits
+the rest of the map is asked when a version is calibrated, as that depends on the other roads.
 """
 
 from __future__ import annotations
@@ -13,22 +14,23 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from app.domain import Calibration
 from app.numerics.alignment import align
-from app.numerics.evidence_table import COLUMNS, POSITION_SDS_M, TEMPERATURES
-from app.numerics.geodesy import Floats
-from app.numerics.index import road_profile
-from app.numerics.observation import OffsetPrior, Profile, offset_gain
-from app.numerics.offmap import fit_per_reading
+from app.numerics.evidence_table import HeldOut, pack
+from app.numerics.index import BOTH, road_profile
+from app.numerics.observation import Evidence, Profile
 from app.numerics.passes import RoadPass
-from app.numerics.query import prepare
+from app.numerics.posterior import VALUES, Places
+from app.numerics.query import Aim, prepare
+from app.numerics.refinement import bend_along, between
 
-WINDOW_LENGTHS_M = (30.0, 60.0, 120.0, 200.0)
-WINDOWS_PER_ROAD = 240  # enough for a road to have its say, few enough to cost it little
-WINDOWS_PER_LENGTH = (3, 12)  # of a pass, at least and at most
-NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
-SMALLEST_DENSITY = 1e-6  # one window in the wrong place must not decide alone
+WINDOW_LENGTHS_M = (0.0, 30.0, 60.0, 120.0, 200.0, 400.0)  # from one sample to the longest
+WINDOWS_PER_ROAD = 72  # enough for a road to have its say, few enough to cost little room
 MOST_FOLDS = 4
+FINE_M = 6.0  # places nearer the truth than this are drawn as finely as a query's peaks
+NEAR_TRUTH_M = 40.0  # and nearer than this kept metre by metre
+BLOCK_M = 16.0  # of those farther off, the best of a block stands for it
+BLOCK_TEMPERATURE = 6.0  # typical; places of a block differ little at any
+HOPELESS = 150.0  # a score this far under the best has no mass at any temperature
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,31 +52,31 @@ def held_out_evidence(
     surface: Surface,
     refit: Callable[[Sequence[RoadPass]], Surface],
     step_m: float,
-) -> Float[np.ndarray, "windows columns"]:
+) -> Float[np.ndarray, "rows columns"]:
     """
-    One row a window, columns as in `app.numerics.evidence_table.COLUMNS`.
+    Windows of the road's passes and where on the road they fit, packed for the store.
 
     Args:
         passes: All passes of the road; their columns are ``cells``.
         surface: Fitted to all of them.
         refit: Fits a surface to some of them.
+
+    Returns:
+        See `app.numerics.evidence_table`. Shape ``(rows, 8)``, float32.
     """
-    rows: list[list[float]] = []
     folds = _folds(passes)
-    fewest, most = WINDOWS_PER_LENGTH
-    count = min(max(WINDOWS_PER_ROAD // (len(passes) * len(WINDOW_LENGTHS_M)), fewest), most)
+    found: list[HeldOut] = []
     if len(folds) > 1:
         for held in folds:
-            others = [p for p in passes if p not in held]
-            along = refit(others).profile()
-            for one in held:
-                rows += _windows(one, cells, along, step_m, count, measured=True)
+            along = refit([one for one in passes if one not in held]).profile()
+            for one, first, last in _cut(held, WINDOWS_PER_ROAD // len(folds)):
+                found += _held_out(one, first, last, cells, (along, step_m), measured=True)
     else:
         along = surface.profile()
-        for number, one in enumerate(passes[:MOST_FOLDS]):
-            drawn = _redrawn(one, surface, step_m, seed=number)
-            rows += _windows(drawn, cells, along, step_m, count, measured=False)
-    return np.array(rows, dtype=np.float32).reshape(-1, len(COLUMNS))
+        drawn = [_redrawn(one, surface, step_m, seed) for seed, one in enumerate(passes)]
+        for one, first, last in _cut(drawn, WINDOWS_PER_ROAD):
+            found += _held_out(one, first, last, cells, (along, step_m), measured=False)
+    return pack(found)
 
 
 def _folds(passes: Sequence[RoadPass]) -> list[list[RoadPass]]:
@@ -87,89 +89,115 @@ def _folds(passes: Sequence[RoadPass]) -> list[list[RoadPass]]:
 def _redrawn(one: RoadPass, surface: Surface, step_m: float, seed: int) -> RoadPass:
     """The same drive with readings drawn from the model; seeded by the pass, so repeatable."""
     rng = np.random.default_rng(seed)
-    at = np.clip(np.rint(one.chainage_m / step_m).astype(int), 0, len(surface.mean_dbm) - 1)
-    heard = rng.random((len(at), surface.mean_dbm.shape[1])) < surface.heard[at]
-    drawn = surface.mean_dbm[at] + surface.spread_db[at] * rng.standard_normal(heard.shape)
+    most = len(surface.mean_dbm) - 1
+    at = np.clip(one.chainage_m / step_m, 0.0, most)
+    low = np.minimum(at.astype(int), most - 1)
+    nearest, share = np.rint(at).astype(int), (at - low)[:, None]
+    mean_dbm = (1.0 - share) * surface.mean_dbm[low] + share * surface.mean_dbm[low + 1]
+    mean_dbm = np.where(np.isnan(mean_dbm), surface.mean_dbm[nearest], mean_dbm)
+    heard = rng.random(mean_dbm.shape) < surface.heard[nearest]
+    drawn = mean_dbm + surface.spread_db[nearest] * rng.standard_normal(heard.shape)
     rsrp = np.where(heard, drawn, np.nan)
     return RoadPass(one.chainage_m, rsrp, (~np.isnan(rsrp)).astype(float), one.group)
 
 
-def _windows(
+def _cut(passes: Sequence[RoadPass], most: int) -> list[tuple[RoadPass, int, int]]:
+    """
+    Windows of every length, spread evenly over the metres of these passes.
+
+    Returns:
+        Of each window its pass, and the first and last row of it.
+    """
+    travelled_m = [one.travelled_m for one in passes]
+    windows: list[tuple[RoadPass, int, int]] = []
+    for number, length_m in enumerate(WINDOW_LENGTHS_M):
+        room_m = np.array([max(along[-1] - length_m, 0.0) for along in travelled_m])
+        count = most * (number + 1) // len(WINDOW_LENGTHS_M) - most * number // len(
+            WINDOW_LENGTHS_M
+        )
+        begins = np.concatenate([[0.0], np.cumsum(room_m)])
+        if begins[-1] <= 0.0:
+            continue
+        for at_m in (np.arange(count) + (number + 0.5) / len(WINDOW_LENGTHS_M)) / count:
+            which = int(np.searchsorted(begins, at_m * begins[-1], side="right")) - 1
+            which = min(which, len(passes) - 1)
+            along = travelled_m[which]
+            end_m = length_m + at_m * begins[-1] - begins[which]
+            last = min(int(np.searchsorted(along, end_m)), len(along) - 1)
+            first = int(np.searchsorted(along, along[last] - length_m))
+            windows.append((passes[which], first, last))
+    return windows
+
+
+def _held_out(
     one: RoadPass,
+    first: int,
+    last: int,
     cells: tuple[str, ...],
-    along: Profile,
-    step_m: float,
-    count: int,
+    road: tuple[Profile, float],
     *,
     measured: bool,
-) -> list[list[float]]:
-    travelled_m = one.travelled_m
-    rows = []
-    for length in WINDOW_LENGTHS_M:
-        if travelled_m[-1] < length:
-            continue
-        for end_m in np.linspace(length, travelled_m[-1], count + 1)[1:]:
-            last = min(int(np.searchsorted(travelled_m, end_m)), len(travelled_m) - 1)
-            first = int(np.searchsorted(travelled_m, travelled_m[last] - length))
-            row = _one_window(one, first, last, cells, along, step_m)
-            if row is not None:
-                row[COLUMNS.index("measured")] = float(measured)
-                rows.append(row)
-    return rows
-
-
-def _one_window(
-    one: RoadPass, first: int, last: int, cells: tuple[str, ...], along: Profile, step_m: float
-) -> list[float] | None:
+) -> list[HeldOut]:
+    """The window and its places; nothing where it heard no cell."""
     rsrp = one.rsrp_dbm[first : last + 1]
     heard = np.flatnonzero(~np.isnan(rsrp).all(axis=0))
     if len(heard) == 0:
-        return None
+        return []
+    travelled_m = one.travelled_m[first : last + 1]
+    along, step_m = road
     names = tuple(cells[column] for column in heard)
-    query = prepare(names, (), one.travelled_m[first : last + 1], rsrp[:, heard])
+    query = prepare(names, (), travelled_m, rsrp[:, heard])
     aim = query.aim({cell: index for index, cell in enumerate(cells)}, step_m)
-    size = along.columns - 2
-    grid, prior = np.arange(size), OffsetPrior.learnt(Calibration().offset_sd_db)
-    channels = [align(along, aim, 1, size, sign) for sign in (one.sign, -one.sign)]
-    score = np.concatenate([c[0] + offset_gain(c[1], c[2], prior) for c in channels])
-    near = np.concatenate([np.abs(grid * step_m - one.chainage_m[last]) <= NEAR_TRUTH_M, grid < 0])
-    truth = int(np.argmax(np.where(near, score, -np.inf)))
-    weight = float(channels[0][2, truth])
-    peak = int(np.argmax(score))
-    residual_there, weight_there = np.concatenate([c[1:] for c in channels], axis=1)[:, peak]
+    values = np.zeros((VALUES, 2, along.columns - 2))
+    grid_m = np.arange(along.columns - 2) * step_m
+    for way, sign in enumerate(BOTH):
+        values[2:, way] = align(along, aim, 1, along.columns - 2, sign)
+        values[0, way], values[1, way] = grid_m, step_m
+    signs = np.repeat(np.array(BOTH), len(grid_m))
+    where = np.stack([np.zeros_like(signs), signs])
+    true_m = float(one.chainage_m[last])
+    coarser = _thinned(Places(where, values.reshape(VALUES, -1)), true_m)
+    places = _finer(coarser, along, aim, query.fine, (true_m, step_m))
     return [
-        fit_per_reading(
-            float(score[peak]), float(residual_there), float(weight_there), prior, query.fine
-        ),
-        float(channels[0][1, truth]) / max(weight, 1e-6),
-        1.0 / max(weight, 1e-6),
-        0.0,
-        *_log_densities(score, grid * step_m - one.chainage_m[last], step_m),
+        HeldOut(
+            travelled_m - travelled_m[-1],
+            rsrp[:, heard],
+            heard,
+            true_m,
+            one.sign,
+            measured,
+            places,
+        )
     ]
 
 
-def _log_densities(
-    score: Float[np.ndarray, " positions"], miss_m: Floats, step_m: float
-) -> list[float]:
-    """
-    Log of the posterior per metre at the truth, for every one of `CHOICES`.
+def _thinned(places: Places, true_m: float) -> Places:
+    """Every metre near the truth; farther off, the best place of a block with the block's mass."""
+    away_m = np.abs(places.chainage_m - true_m)
+    close = away_m <= NEAR_TRUTH_M
+    block = np.where(close, 0, 1 + (places.chainage_m / BLOCK_M).astype(int)) * places.sign
+    starts = np.flatnonzero(np.concatenate([[True], (block[1:] != block[:-1]) | close[1:]]))
+    values = places.values[:, starts].copy()
+    ends = np.append(starts[1:], len(places))
+    for column, (start, end) in enumerate(zip(starts.tolist(), ends.tolist(), strict=True)):
+        best = start + int(np.argmax(places.score[start:end]))
+        share = np.exp((places.score[start:end] - places.score[best]) / BLOCK_TEMPERATURE)
+        values[:, column] = places.values[:, best]
+        values[1, column] = float(share @ places.width_m[start:end])
+    kept = values[2] >= values[2].max() - HOPELESS
+    return Places(places.where[:, starts], values).take(kept)
 
-    Args:
-        score: Of all grid positions, in the driven direction first.
-        miss_m: Chainage of the grid positions less the true one.
-    """
-    above = score - score.max()
-    posterior = np.exp(above[None, :] / np.array(TEMPERATURES)[:, None])
-    posterior /= posterior.sum(axis=1, keepdims=True) * step_m
-    driven = posterior[:, : len(miss_m)]
-    near = np.stack([_nearness(miss_m, sd_m, step_m) for sd_m in POSITION_SDS_M], axis=1)
-    return [float(x) for x in np.log(np.maximum(driven @ near, SMALLEST_DENSITY)).ravel()]
 
-
-def _nearness(miss_m: Floats, sd_m: float, step_m: float) -> Floats:
-    """Chance that a place missed by so much is the truth, when the truth errs by ``sd_m``."""
-    if sd_m == 0.0:
-        return (np.abs(miss_m) <= step_m / 2.0).astype(float)
-    return np.asarray(
-        np.exp(-0.5 * (miss_m / sd_m) ** 2) * (step_m / (sd_m * np.sqrt(2.0 * np.pi)))
-    )
+def _finer(
+    places: Places, along: Profile, aim: Aim, seen: Evidence, metres: tuple[float, float]
+) -> Places:
+    """The same with the neighbourhood of the truth drawn finer, in both directions."""
+    true_m, step_m = metres
+    close = np.abs(places.chainage_m - true_m) <= FINE_M
+    parts = [places.take(~close)]
+    for sign in BOTH:
+        row = places.take(close & (places.sign == sign) & (places.chainage_m % step_m < 1e-9))
+        if len(row) > 1 and np.allclose(np.diff(row.chainage_m), step_m):
+            row = between(row, bend_along(along, aim, seen, row, step_m), 0.0, step_m)
+        parts.append(row)
+    return Places.join([part for part in parts if len(part)])

@@ -9,6 +9,7 @@ scores every sub-segment of all of them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from app.domain import Calibration, Line, RadioMap, RoadModel
 from app.numerics import native
 from app.numerics.geodesy import Floats, LocalFrame
+from app.numerics.graph import RoadGraph
 from app.numerics.lines import headings_deg, point_at
 from app.numerics.observation import OffsetPrior, Profile, profile
 
@@ -126,17 +128,27 @@ class MapIndex:
 
     def __init__(self, radio_map: RadioMap, roads: Sequence[RoadIndex], frame: LocalFrame) -> None:
         self.version = radio_map.version
-        self.calibration: Calibration = radio_map.calibration
+        self.calibration = radio_map.calibration
         self.offset_prior = OffsetPrior.learnt(radio_map.calibration.offset_sd_db)
         self.likelihood = native.likelihood(self.offset_prior)
         self.roads = tuple(roads)
         self.road_ids = tuple(road.road_id for road in roads)
         self.cells = frozenset().union(*(road.column for road in roads)) if roads else frozenset()
         self.atlas = _draw_atlas(radio_map.models, frame)
+        self.lines = tuple(model.line for model in radio_map.models)
+        self.graph = RoadGraph.of(self.lines)
         self.tapes = tuple(
             _lay_tape([radio_map.models[i] for i in group], group)
             for group in _groups(radio_map.models)
         )
+
+    def recalibrated(self, calibration: Calibration) -> MapIndex:
+        """The same roads under another calibration; arrays are shared."""
+        other = copy(self)
+        other.calibration = calibration
+        other.offset_prior = OffsetPrior.learnt(calibration.offset_sd_db)
+        other.likelihood = native.likelihood(other.offset_prior)
+        return other
 
     @classmethod
     def build(cls, radio_map: RadioMap) -> MapIndex:

@@ -9,6 +9,7 @@ are then aligned reading by reading with the fitted curves, and only those score
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,12 +76,19 @@ class Coarse:
         )
 
 
-def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coarse:
+def shortlist(
+    index: MapIndex,
+    query: Query,
+    without: int | None = None,
+    foreseen: Callable[[Coarse], Coarse] | None = None,
+) -> Coarse:
     """
     The coarse positions that hold all but `LEFT_OUT` of the posterior, along each road in order.
 
     Args:
         without: Number of a road to leave out, as if the map lacked it.
+        foreseen: Adds to the scores what is known before the window is heard, see
+            `app.numerics.tracking`.
     """
     size = next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
     tapes = [tape for tape in index.tapes if not tape.column.keys().isdisjoint(query.cells)]
@@ -92,7 +100,9 @@ def shortlist(index: MapIndex, query: Query, without: int | None = None) -> Coar
     every = scored[0] if len(scored) == 1 else _joined(scored)
     if without is not None:
         every = every.take((every.road != without).nonzero()[0])
-    flat = index.calibration.temperature * COARSE_FLATTENING
+    if foreseen is not None:
+        every = foreseen(every)
+    flat = query.temperature(index.calibration) * COARSE_FLATTENING
     keep = kept_by_mass if query.told is None else native.kept_by_mass
     return every.take(keep(every.score, flat, LEFT_OUT, MOST_KEPT))
 

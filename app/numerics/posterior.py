@@ -73,6 +73,11 @@ class Places:
         """Places ``first`` to ``end - 1``."""
         return Places(self.where[:, first:end], self.values[:, first:end])
 
+    def take(self, kept: np.ndarray) -> Places:
+        """The places that a mask or indices name."""
+        where, values = self.where[:, kept], self.values[:, kept]
+        return Places(np.ascontiguousarray(where), np.ascontiguousarray(values))
+
 
 def masses(places: Places, temperature: float) -> Float[np.ndarray, " places"]:
     """

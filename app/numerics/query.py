@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from app.domain import Window
+from app.domain import Calibration, Window
 from app.numerics import native
 from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex
 from app.numerics.observation import TERMS, UNMAPPED, Evidence, coefficients, evidence
@@ -62,6 +62,15 @@ class Query:
     def factors(self) -> Float[np.ndarray, "3 samples rows"]:
         """The readings' side of the likelihood."""
         return coefficients(self.fine)
+
+    @cached_property
+    def weight(self) -> float:
+        """What the samples weigh together, see `app.numerics.observation.sample_weight`."""
+        return float(self.fine.weight.sum())
+
+    def temperature(self, calibration: Calibration) -> float:
+        """What the window's scores are divided by."""
+        return calibration.temperature(self.weight, len(self.fine.weight))
 
     @property
     def length_m(self) -> float:

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from app.numerics import native
 from app.numerics.index import MapIndex
-from app.numerics.observation import TERMS, OffsetPrior
+from app.numerics.observation import TERMS, Evidence, Profile
 from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, WIDTH, Places
 from app.numerics.query import Aim, Query
 
@@ -32,14 +32,15 @@ def refine(index: MapIndex, query: Query, places: Places) -> Places:
 
     The new places replace those of the same metres, so that every metre keeps its weight.
     """
-    lowest = LIGHTEST * index.calibration.temperature
+    lowest = LIGHTEST * query.temperature(index.calibration)
     if query.told is not None:
         return _refine(index, query, query.told, places, lowest)
     for first, end in _rows(places, index.atlas.step_m[places.road], lowest):
         row = places.slice(first, end)
         road = int(row.road[0])
-        bend = _bend(index, query, row, road)
-        finer = _between(row, bend, index.offset_prior, index.roads[road].step_m)
+        target, aim = index.roads[road], query.aim_at(index, road)
+        bend = bend_along(target.along, aim, query.fine, row, target.step_m)
+        finer = between(row, bend, index.offset_prior.like_db2, target.step_m)
         places = Places.join((places.slice(0, first), finer, places.slice(end, len(places))))
     return places
 
@@ -94,18 +95,19 @@ def _rows(
     return sorted(rows, reverse=True)
 
 
-def _bend(index: MapIndex, query: Query, row: Places, road: int) -> Float[np.ndarray, " intervals"]:
+def bend_along(
+    along: Profile, aim: Aim, seen: Evidence, row: Places, step_m: float
+) -> Float[np.ndarray, " intervals"]:
     """How far the score lies above the straight line, from each grid position to the next."""
-    target, aim = index.roads[road], query.aim_at(index, road)
-    start = round(float(row.chainage_m[0]) / target.step_m) + 1
+    start = round(float(row.chainage_m[0]) / step_m) + 1
     columns = np.arange(start, start + len(row) - 1) - int(row.sign[0]) * aim.behind[:, None]
-    columns = np.minimum(np.maximum(columns, 0), target.along.columns - 1)
+    columns = np.minimum(np.maximum(columns, 0), along.columns - 1)
     low, high = int(columns.min()), int(columns.max())
-    bend = target.along.bend[:, low : high + 1]
-    heard = query.fine.heard
+    bend = along.bend[:, low : high + 1]
+    heard = seen.heard
     if aim.here is not None:
         bend, heard = bend[_cells_of(aim)], heard[:, aim.here]
-    each = (heard * query.fine.weight[:, None]) @ bend
+    each = (heard * seen.weight[:, None]) @ bend
     starts = np.arange(0, each.size, each.shape[1])[:, None] - low
     return np.asarray(each.ravel().take(columns + starts).sum(axis=0))
 
@@ -115,10 +117,15 @@ def _cells_of(aim: Aim) -> Int[np.ndarray, " chosen"]:
     return aim.rows[:-2:TERMS] // TERMS
 
 
-def _between(
-    row: Places, bend: Float[np.ndarray, " intervals"], prior: OffsetPrior, step_m: float
+def between(
+    row: Places, bend: Float[np.ndarray, " intervals"], like_db2: float, step_m: float
 ) -> Places:
-    """Places at every share of the way between neighbours, the last neighbour included."""
+    """
+    Places at every share of the way between neighbours, the last neighbour included.
+
+    Args:
+        like_db2: Variance of the device offset that the row's scores already hold; 0 = none.
+    """
     left = row.values[:, :-1]
     steps = row.values[:, 1:] - left
     count = PARTS * (len(row) - 1) + 1
@@ -126,7 +133,7 @@ def _between(
     values[:, :-1] = (left[:, :, None] + SHARES * steps[:, :, None]).reshape(len(values), -1)
     values[:, -1] = row.values[:, -1]
     # The offset takes up a common residual, whose square is convex: so much less is the bend.
-    taken = 0.5 * steps[RESIDUAL] ** 2 / (left[WEIGHT] + 1.0 / prior.like_db2)
+    taken = 0.5 * steps[RESIDUAL] ** 2 * like_db2 / (1.0 + left[WEIGHT] * like_db2)
     values[SCORE, :-1] += ((bend - taken)[:, None] * (SHARES * (1.0 - SHARES))).ravel()
     values[WIDTH] = step_m / PARTS
     values[WIDTH, [0, -1]] = step_m / 2.0 * (1.0 + 1.0 / PARTS)  # an end keeps its outer half

@@ -48,16 +48,19 @@ class Summary:
     rivals: list[Rival]
 
 
-def summarise(index: MapIndex, places: Places, confidence: float, *, in_c: bool) -> Summary:
+def summarise(
+    index: MapIndex, places: Places, temperature: float, confidence: float, *, in_c: bool
+) -> Summary:
     """
     Road, position, radius at ``confidence`` and rivals.
 
     Args:
+        temperature: Of the window, see `app.domain.Calibration`.
         in_c: Use the kernel in C; without, the numpy code that defines it.
     """
     if in_c:
-        return _summarise_in_c(index, places, confidence)
-    mass = masses(places, index.calibration.temperature)
+        return _summarise_in_c(index, places, temperature, confidence)
+    mass = masses(places, temperature)
     road, road_mass = _best_road(index, places, mass)
     # The highest score is the highest density: a place's mass also grows with its length of road.
     peak = int(np.where(places.road == road, places.score, -np.inf).argmax())
@@ -82,15 +85,17 @@ def summarise(index: MapIndex, places: Places, confidence: float, *, in_c: bool)
     )
 
 
-def _summarise_in_c(index: MapIndex, places: Places, confidence: float) -> Summary:
-    atlas, calibration = index.atlas, index.calibration
+def _summarise_in_c(
+    index: MapIndex, places: Places, temperature: float, confidence: float
+) -> Summary:
+    atlas = index.atlas
     return Summary(
         *native.summary(
             places,
             (atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),
-            calibration.temperature,
+            temperature,
             (PEAK_M, FOOT),
-            (confidence, calibration.position_sd_m),
+            (confidence, index.calibration.position_sd_m),
             (NEGLIGIBLE_PLACE, NEGLIGIBLE),
         )
     )

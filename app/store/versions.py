@@ -9,7 +9,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Row
 
-from app.domain import Calibration
+from app.domain import Calibration, Reliability
 from app.store.columns import utc_now
 from app.store.records import MapVersion
 from app.store.tables import activations, map_roads, map_versions
@@ -109,7 +109,11 @@ def _version(row: Row[Any], active: int | None) -> MapVersion:
 
 
 def _calibration(stored: Mapping[str, Any]) -> Calibration:
-    values: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()
+    values = dict(stored)
+    if "temperature" in values:  # of a version made before windows had temperatures of their own
+        values["information_each"] = 1.0 / values.pop("temperature")
+    reliability: dict[str, Any] = {
+        name: tuple(tuple(pair) for pair in value) if isinstance(value, list) else value
+        for name, value in values.pop("reliability", {}).items()
     }
-    return Calibration(**values)
+    return Calibration(**values, reliability=Reliability(**reliability))

@@ -10,67 +10,121 @@ import pytest
 
 from app.domain import Calibration, RadioMap, Road, Window
 from app.evaluation.scenario import survey, windows
-from app.numerics.answer import fit_at_best
-from app.numerics.calibration import MIN_WINDOWS, calibrate
-from app.numerics.evidence_table import CHOICES, COLUMNS, FIXED_COLUMNS
+from app.numerics.answer import fit_of_place
+from app.numerics.calibration import MIN_WINDOWS, _most_probable, _offset_sd_db, calibrate
+from app.numerics.evidence_table import COLUMNS, HeldOut, pack, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.offmap import off_map_probability
+from app.numerics.posterior import Places
 from app.numerics.query import ask
+from app.numerics.reliability import auroc
 from app.numerics.roadfit import fit_road
-from tests.factories import model_of
+from app.numerics.trials import Trial
 from tests.numerics.cities import city_of, error_m, index_of, models_of
 
 
-def with_evidence(number: int, rows: int, best: int, offset_db: float = 0.0):
-    """A model whose evidence prefers one choice of temperature and position error."""
-    rng = np.random.default_rng(number)
-    evidence = np.full((rows, len(COLUMNS)), -5.0, dtype=np.float32)
-    evidence[:, len(FIXED_COLUMNS) + best] = -1.0
-    evidence[:, COLUMNS.index("fit")] = rng.normal(1.0, 0.2, rows)
-    evidence[:, COLUMNS.index("offset_db")] = rng.normal(0.0, 1.0, rows) * offset_db
-    evidence[:, COLUMNS.index("offset_variance_db2")] = 0.01
-    evidence[:, COLUMNS.index("measured")] = 1.0
-    return replace(model_of(f"r{number}", seed=number, step_m=1.0), evidence=evidence)
+def trial(rng, samples, information, position_sd_m=0.0):
+    """A window on a long road whose score falls from its peak as if each sample told one unit."""
+    at_m = np.arange(0.0, 400.0)
+    peak_m = rng.uniform(150.0, 250.0)
+    score = -0.5 * samples * (at_m - peak_m) ** 2 / 60.0**2
+    true_m = peak_m + rng.normal(0.0, np.hypot(60.0 / np.sqrt(information), position_sd_m))
+    where = np.stack([np.zeros(400, dtype=np.int64), np.ones(400, dtype=np.int64)])
+    zero = np.zeros(400)
+    places = Places(where, np.stack([at_m, zero + 1.0, score, zero, zero + 1.0]))
+    truth = HeldOut(np.zeros(1), np.zeros((1, 1)), np.zeros(1, int), true_m, 1, True, places)
+    return Trial(0, truth, places, 400, float(samples), samples, 1.0, 0.0)
 
 
-@pytest.mark.parametrize("best", [0, 37, len(CHOICES) - 1])
-def test_the_choice_of_the_best_log_score_is_taken(best):
-    """Temperature and position error are those under which the truths were most probable."""
-    learnt = calibrate([with_evidence(i, 30, best) for i in range(3)])
-    assert (learnt.temperature, learnt.position_sd_m) == CHOICES[best]
-    assert learnt.window_count == 90
+def test_information_is_what_the_truths_say():
+    """Windows whose truths scatter as if 0.5 + w/10 samples had been independent show just that."""
+    rng = np.random.default_rng(5)
+    trials = [
+        trial(rng, samples, 0.5 + 0.1 * samples)
+        for samples in rng.choice([1, 4, 10, 40], 1200).tolist()
+    ]
+    once, each, position_sd_m = _most_probable(trials)
+    for samples in (4, 10, 40):
+        assert once + each * samples == pytest.approx(0.5 + 0.1 * samples, rel=0.25)
+    assert position_sd_m <= 11.0
+
+
+def test_no_window_tells_more_than_its_samples():
+    """However much each sample seems to say, a window of few counts as few."""
+    sure = Calibration(information_once=1.0, information_each=50.0)
+    assert sure.temperature(1.0, 1) == 1.0
+    assert sure.temperature(3.0, 30) == pytest.approx(0.1)
+    assert Calibration(0.5, 0.1).temperature(10.0, 100) == pytest.approx(10.0 / 1.5)
 
 
 @pytest.mark.parametrize("offset_db", [1.0, 4.0])
 def test_the_spread_of_devices_is_learnt(offset_db):
     """Offsets of measured windows, less their noise, give the prior's spread."""
-    learnt = calibrate([with_evidence(i, 200, 5, offset_db) for i in range(3)])
-    assert learnt.offset_sd_db == pytest.approx(offset_db, rel=0.15)
+    rng = np.random.default_rng(3)
+    windows = []
+    for shift_db in rng.normal(0.0, offset_db, 400).tolist():
+        one = trial(rng, 100, 10.0)
+        one.places.values[3], one.places.values[4] = 100.0 * shift_db, 100.0
+        windows.append(replace(one.truth, places=one.places, chainage_m=200.0))
+    assert _offset_sd_db(windows) == pytest.approx(offset_db, rel=0.15)
 
 
 def test_too_little_evidence_keeps_the_defaults():
     """Fewer windows than say anything leave the calibration as it was written."""
-    assert calibrate([with_evidence(1, MIN_WINDOWS - 1, 5)]) == Calibration()
+    model = models_of()[0]
+    few = pack(unpack(model.evidence, 0)[: MIN_WINDOWS - 1])
+    assert calibrate([replace(model, evidence=few)]) == Calibration()
 
 
-def test_evidence_is_a_table_as_agreed():
-    """A model's evidence has the named columns, finite, with densities that are logarithms."""
-    for model in models_of():
-        assert model.evidence.shape[1] == len(COLUMNS)
-        assert len(model.evidence) >= 20
-        assert np.isfinite(model.evidence).all()
-        assert np.all(model.evidence[:, COLUMNS.index("offset_variance_db2")] > 0.0)
+def test_evidence_is_packed_without_loss():
+    """What a model carries is what was held out, to the precision of its numbers."""
+    for number, model in enumerate(models_of()):
+        assert model.evidence.shape[1] == COLUMNS
+        windows = unpack(model.evidence, number)
+        assert len(windows) >= 20
+        np.testing.assert_array_equal(pack(windows), model.evidence)
+        for one in windows:
+            assert one.rsrp_dbm.shape == (len(one.distance_m), len(one.cells))
+            assert one.distance_m[-1] == 0.0
+            assert (one.places.road == number).all()
+            assert 0.0 <= one.chainage_m <= model.length_m
+
+
+def test_evidence_of_another_layout_is_no_evidence():
+    """A table with other columns, from an older version of the code, has no windows."""
+    assert unpack(np.ones((5, COLUMNS + 3), dtype=np.float32), 0) == []
+    assert unpack(np.zeros((0, 0), dtype=np.float32), 0) == []
 
 
 def test_one_pass_is_no_measurement_of_devices():
     """Evidence of a single pass is drawn from the model and marked so; that of two days is not."""
-    assert not any(model.evidence[:, COLUMNS.index("measured")].any() for model in models_of())
+    assert not any(one.measured for model in models_of() for one in unpack(model.evidence, 0))
     city = city_of("harsh")
     truth = city.roads[0]
     passes = [one for one in survey(city) if one.road_id == truth.road_id]
     model = fit_road(Road(truth.road_id, line=truth.line), passes)
-    assert model.evidence[:, COLUMNS.index("measured")].all()
+    assert all(one.measured for one in unpack(model.evidence, 0))
+
+
+def test_a_map_tells_its_reliability():
+    """Every share is one, bins hold all windows, and coverage grows with the confidence."""
+    told = calibrate(models_of(cells=2)).reliability
+    assert told.window_count == sum(count for _, _, count in told.curve) > 100
+    shares = (told.road_right, told.ece, told.refused, told.strangers_refused, told.off_map_auroc)
+    assert all(0.0 <= share <= 1.0 for share in shares)
+    held = [share for _, share in told.coverage]
+    assert held == sorted(held)
+    right = sum(right * count for _, right, count in told.curve) / told.window_count
+    assert right == pytest.approx(told.road_right)
+
+
+def test_auroc_is_the_chance_to_be_ordered_right():
+    """Against every pair counted; ties count half."""
+    rng = np.random.default_rng(2)
+    positive, negative = rng.integers(0, 9, 40) * 1.0, rng.integers(0, 6, 30) * 1.0
+    pairs = [(p > n) + 0.5 * (p == n) for p in positive for n in negative]
+    assert auroc(positive, negative) == pytest.approx(np.mean(pairs))
 
 
 def test_off_map_falls_with_the_fit():
@@ -111,7 +165,12 @@ def test_temperature_flattens_the_answer():
     """The same map at a higher temperature is less sure of its roads, and no less complete."""
     city, models = city_of(cells=2), models_of(cells=2)
     index = index_of(cells=2)
-    flatter = replace(index.calibration, temperature=8.0 * index.calibration.temperature)
+    surely = index.calibration
+    flatter = replace(
+        surely,
+        information_once=surely.information_once / 8.0,
+        information_each=surely.information_each / 8.0,
+    )
     hot = MapIndex.build(RadioMap(1, models, flatter))
     surer = 0
     for window, _ in windows(city, 40, length_m=10.0):
@@ -134,4 +193,5 @@ def test_an_unusual_device_is_no_stranger(offset_db):
 
 def fit_of(index, window):
     query = ask(index, window)
-    return fit_at_best(index, query, fine_places(index, query, shortlist(index, query)))
+    places = fine_places(index, query, shortlist(index, query))
+    return fit_of_place(index, query, places, int(places.score.argmax()))

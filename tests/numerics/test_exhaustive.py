@@ -14,12 +14,12 @@ from tests.numerics import plain
 from tests.numerics.tiny import gentle_models, map_of, window_along
 
 SIGN = {1: Direction.FORWARD, -1: Direction.BACKWARD}
-CALIBRATION = Calibration(temperature=3.0, offset_sd_db=2.0)
+CALIBRATION = Calibration(information_each=1.0 / 3.0, offset_sd_db=2.0)
 
 
 def literal(models, window):
     """Posterior by plain loops: of every grid position, of roads, and of roads and directions."""
-    every = plain.posterior(models, window, CALIBRATION.offset_sd_db, CALIBRATION.temperature)
+    every = plain.posterior(models, window, CALIBRATION.offset_sd_db, 3.0)
     roads, ways = Counter(), Counter()
     for (road, sign, _), mass in every.items():
         roads[road] += mass
@@ -55,7 +55,7 @@ def test_the_answer_is_the_plain_loops_answer(seed):
 def test_the_truth_is_found():
     """A window read off a road's own curves ends where it was read, either way."""
     models = gentle_models(200)
-    index = map_of(models, replace(CALIBRATION, temperature=0.1))
+    index = map_of(models, replace(CALIBRATION, information_each=10.0))
     for number, sign, end in ((0, 1, 50), (1, -1, 7), (2, 1, 31), (2, -1, 28)):
         model = models[number]
         travelled_m = np.array([0.0, 2.0, 3.0, 7.0, 12.0, 20.0])
@@ -76,7 +76,7 @@ def test_candidates_are_the_loops_sub_segments(temperature):
     """Each sub-segment's and direction's probability is the sum of its metres', within 0.05."""
     models = gentle_models(300)
     window = window_along(models[0], 3)
-    index = map_of(models, replace(CALIBRATION, temperature=temperature))
+    index = map_of(models, replace(CALIBRATION, information_each=1.0 / temperature))
     fix = locate_exhaustively(index, window)
     every = plain.posterior(models, window, CALIBRATION.offset_sd_db, temperature)
     expected = Counter()

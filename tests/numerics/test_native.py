@@ -139,15 +139,15 @@ def test_stretches_are_scored_the_same(seed, stretched, data):
 def test_refinement_and_summary_are_the_same(seed, temperature, confidence, position_sd_m):
     """From the same places: the finer ones, then road, position, radius and rivals in order."""
     window = a_window(seed, ("e",))
-    calibration = Calibration(temperature=temperature, position_sd_m=position_sd_m)
+    calibration = Calibration(information_each=1.0 / temperature, position_sd_m=position_sd_m)
     index = map_of(gentle(seed % 5), calibration)
     fast, plain = ask(index, window, in_c=True), ask(index, window)
     places = fine_places(index, fast, shortlist(index, fast))
     ours, wanted = refine(index, fast, places), refine(index, plain, places)
     assert (ours.where == wanted.where).all()
     np.testing.assert_allclose(ours.values, wanted.values, rtol=1e-9, atol=1e-9)
-    told = summarise(index, ours, confidence, in_c=True)
-    known = summarise(index, ours, confidence, in_c=False)
+    told = summarise(index, ours, temperature, confidence, in_c=True)
+    known = summarise(index, ours, temperature, confidence, in_c=False)
     assert (told.road, told.peak, told.best) == (known.road, known.peak, known.best)
     for field in ("road_mass", "chainage_m", "lon", "lat", "heading_deg"):
         assert getattr(told, field) == pytest.approx(getattr(known, field), rel=1e-9, abs=1e-9)
@@ -188,7 +188,7 @@ def test_a_posterior_spread_thin_has_a_radius(in_c):
     values[posterior.CHAINAGE] = np.linspace(0.0, 50.0, count)
     values[posterior.WIDTH] = 1.0
     places = posterior.Places(np.tile([[0], [1]], count), values)
-    assert 10.0 < summarise(index, places, 0.68, in_c=in_c).radius_m < 30.0
+    assert 10.0 < summarise(index, places, 1.0, 0.68, in_c=in_c).radius_m < 30.0
 
 
 def arguments(seed: int) -> dict[str, list[object]]:

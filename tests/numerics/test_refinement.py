@@ -82,7 +82,7 @@ def test_refining_replaces_metres_by_as_many():
 def test_the_fix_follows_the_truth_without_a_jump(sign):
     """As the truth moves by centimetres so does the fix: no step beyond 0.05 m a centimetre."""
     models = gentle_models(420)
-    index = map_of(models, Calibration(temperature=0.3))
+    index = map_of(models, Calibration(information_each=1.0 / 0.3))
     ends_m = np.arange(30.0, 31.5, 0.01)
     fixes = [
         locate_exhaustively(index, window_ending(models[2], end, sign)).chainage_m for end in ends_m
@@ -94,7 +94,7 @@ def test_the_fix_follows_the_truth_without_a_jump(sign):
 def test_without_noise_the_fix_is_finer_than_the_grid():
     """Truths between metres are met within a fifth of one."""
     models = gentle_models(430)
-    index = map_of(models, Calibration(temperature=0.1))
+    index = map_of(models, Calibration(information_each=10.0))
     for end in (25.1, 25.3, 25.5, 25.7, 25.9):
         fix = locate_exhaustively(index, window_ending(models[0], end, 1))
         assert fix.chainage_m == pytest.approx(end, abs=0.2)
@@ -104,7 +104,7 @@ def test_without_noise_the_fix_is_finer_than_the_grid():
 def test_ends_of_a_road_are_refined_too(end):
     """A window that ends at either end of a road is answered there."""
     models = gentle_models(440)
-    index = map_of(models, Calibration(temperature=0.05, offset_sd_db=0.01))
+    index = map_of(models, Calibration(information_each=20.0, offset_sd_db=0.01))
     sign = 1 if end > 30 else -1
     fix = locate_exhaustively(index, window_ending(models[0], end, sign))
     assert fix.chainage_m == pytest.approx(end, abs=0.5)

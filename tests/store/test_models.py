@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 
-from app.domain import Calibration, Road
+from app.domain import Calibration, Reliability, Road
 from app.store import builds, catalog, models, roads, versions
 from app.store.columns import utc_now
 from app.store.engine import read, write
@@ -14,6 +14,7 @@ from app.store.records import Bounds
 from tests.factories import CELLS, line_at, model_of
 
 ARRAYS = ("mean_dbm", "spread_db", "heard", "features", "evidence")
+CALIBRATION = Calibration(0.3, 0.05, reliability=Reliability(9, curve=((0.9, 1.0, 9),), ece=0.1))
 
 
 @pytest.fixture
@@ -34,7 +35,7 @@ def publish(engine, build_id, *built):
         numbers = {
             model.road_id: models.insert_model(connection, build_id, model) for model in built
         }
-        return versions.insert_version(connection, build_id, numbers, Calibration(temperature=1.25))
+        return versions.insert_version(connection, build_id, numbers, CALIBRATION)
 
 
 def assert_same_salience(first, second):
@@ -105,7 +106,7 @@ def test_a_calibration_reads_the_evidence(engine, build_id):
     with read(engine) as connection:
         numbers = versions.model_ids(connection, version)
         found = models.load_by_id(connection, list(numbers.values()))
-        assert versions.select_calibration(connection, version) == Calibration(temperature=1.25)
+        assert versions.select_calibration(connection, version) == CALIBRATION
     assert [model.road_id for model in found] == ["r1", "r2"]
     for model in found:
         np.testing.assert_array_equal(model.evidence, built[model.road_id].evidence)

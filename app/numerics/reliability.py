@@ -1,0 +1,97 @@
+"""How often a map's probabilities came true on its held-out windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from app.domain import Calibration, Reliability
+from app.numerics import native
+from app.numerics.index import MapIndex
+from app.numerics.offmap import off_map_probability
+from app.numerics.summary import summarise
+from app.numerics.trials import Trial
+
+BINS = 10
+CONFIDENCES = (0.5, 0.68, 0.8, 0.9, 0.95)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One trial's answer: road right or wrong, its posterior, and the distance from the truth."""
+
+    right: bool
+    posterior: float
+    error_m: float
+    within: tuple[bool, ...]
+
+
+def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -> Reliability:
+    """
+    What a map answers to its trials under its calibration.
+
+    Args:
+        index: The map; its own calibration has no say but for the offsets.
+    """
+    judged = index.recalibrated(learnt)
+    outcomes = [_outcome(judged, one) for one in trials]
+    right = np.array([one.right for one in outcomes])
+    posterior = np.array([one.posterior for one in outcomes])
+    error_m = np.array([one.error_m for one in outcomes])
+    within = np.array([one.within for one in outcomes]).mean(axis=0)
+    curve = _curve(posterior, right)
+    off = np.array([off_map_probability(learnt, one.fit) for one in trials])
+    strangers = np.array([off_map_probability(learnt, one.stranger_fit) for one in trials])
+    return Reliability(
+        window_count=len(trials),
+        measured_count=sum(one.truth.measured for one in trials),
+        road_right=float(right.mean()),
+        ece=sum(count * abs(said - true) for said, true, count in curve) / len(trials),
+        curve=curve,
+        coverage=tuple(zip(CONFIDENCES, within.tolist(), strict=True)),
+        median_m=float(np.median(error_m)),
+        p90_m=float(np.percentile(error_m, 90)),
+        refused=float(np.mean(off > 0.5)),
+        strangers_refused=float(np.mean(strangers > 0.5)),
+        off_map_auroc=auroc(strangers, off),
+    )
+
+
+def _outcome(index: MapIndex, one: Trial) -> Outcome:
+    temperature = index.calibration.temperature(one.weight, one.samples)
+    told = [
+        summarise(index, one.places, temperature, confidence, in_c=native.BUILT)
+        for confidence in CONFIDENCES
+    ]
+    atlas = index.atlas
+    chainages_m = np.array([one.truth.chainage_m, told[0].chainage_m])
+    x_m, y_m = atlas.spot(np.array([one.road, told[0].road]), chainages_m).of(atlas.plane[:2])
+    error_m = float(np.hypot(x_m[0] - x_m[1], y_m[0] - y_m[1]))
+    within = tuple(error_m <= each.radius_m for each in told)
+    return Outcome(told[0].road == one.road, told[0].road_mass, error_m, within)
+
+
+def _curve(
+    posterior: Float[np.ndarray, " windows"], right: Bool[np.ndarray, " windows"]
+) -> tuple[tuple[float, float, int], ...]:
+    """Mean posterior, share right and number of windows of every bin that has any."""
+    bins = np.minimum((posterior * BINS).astype(int), BINS - 1)
+    found = [bins == number for number in range(BINS)]
+    return tuple(
+        (float(posterior[one].mean()), float(right[one].mean()), int(one.sum()))
+        for one in found
+        if one.any()
+    )
+
+
+def auroc(
+    positive: Float[np.ndarray, " positives"], negative: Float[np.ndarray, " negatives"]
+) -> float:
+    """Chance that a positive scores above a negative, ties counting half (Mann and Whitney)."""
+    order = np.sort(negative)
+    below = np.searchsorted(order, positive, side="left")
+    ties = np.searchsorted(order, positive, side="right") - below
+    return float((below + 0.5 * ties).mean() / len(negative))

@@ -1,0 +1,101 @@
+"""
+Held-out windows asked for in a whole map: on their own road as its curves without them have it, on
+all others as the map has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.domain import RoadModel, Window
+from app.numerics import native
+from app.numerics.answer import fit_of_place
+from app.numerics.evidence_table import HeldOut, unpack
+from app.numerics.index import MapIndex
+from app.numerics.matching import fine_places, shortlist
+from app.numerics.observation import OffsetPrior, offset_gain
+from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, Places
+from app.numerics.query import Query, ask
+
+MOST_WINDOWS = 1500  # a city's are thinned to so many: calibration must not grow with the map
+HOPELESS = 150.0  # a score this far under the best has no mass at any temperature
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """
+    One window's answer, before any temperature.
+
+    Attributes:
+        road: Number of its true road.
+        places: Those of its own road first.
+        own: How many of the places lie on its own road.
+        weight: What its samples weigh together; ``samples`` is how many they are.
+        fit: How well it fits where it fits best, None where the map knows none of its cells.
+        stranger_fit: The same in the map without its road.
+    """
+
+    road: int
+    truth: HeldOut
+    places: Places
+    own: int
+    weight: float
+    samples: int
+    fit: float | None
+    stranger_fit: float | None
+
+
+def held_out_windows(models: Sequence[RoadModel]) -> list[tuple[int, HeldOut]]:
+    """Number of the road and window, at most `MOST_WINDOWS`, evenly from all roads."""
+    every = [(number, one) for number, m in enumerate(models) for one in unpack(m.evidence, number)]
+    step = max(1.0, len(every) / MOST_WINDOWS)
+    return [every[int(i * step)] for i in range(min(len(every), MOST_WINDOWS))]
+
+
+def ask_all(
+    index: MapIndex, models: Sequence[RoadModel], windows: Sequence[tuple[int, HeldOut]]
+) -> list[Trial]:
+    """Every window in the map; a map of one road has no other roads to offer."""
+    return [_ask(index, models[number], number, truth) for number, truth in windows]
+
+
+def with_offset(places: Places, prior: OffsetPrior) -> Places:
+    """Places whose scores hold what the device's offset may explain."""
+    values = places.values.copy()
+    values[SCORE] += offset_gain(values[RESIDUAL], values[WEIGHT], prior)
+    return Places(places.where, values)
+
+
+def _ask(index: MapIndex, model: RoadModel, number: int, truth: HeldOut) -> Trial:
+    names = tuple(model.cells[column] for column in truth.cells.tolist())
+    query = ask(index, Window(names, truth.distance_m, truth.rsrp_dbm), in_c=native.BUILT)
+    own = places = with_offset(truth.places, index.offset_prior)
+    if len(index.roads) > 1:
+        others = fine_places(index, query, shortlist(index, query, without=number))
+        places = Places.join((own, others))
+        stranger_fit = _best_fit(index, query, others)
+    else:
+        stranger_fit = _exchanged_fit(index, names, truth)
+    kept = places.score >= places.score.max() - HOPELESS
+    return Trial(
+        number,
+        truth,
+        places.take(kept),
+        int(kept[: len(own)].sum()),
+        query.weight,
+        len(query.fine.weight),
+        _best_fit(index, query, places),
+        stranger_fit,
+    )
+
+
+def _exchanged_fit(index: MapIndex, names: tuple[str, ...], truth: HeldOut) -> float | None:
+    """Of the window with its cells exchanged, as in a town where the names stand for others."""
+    turned = Window((*names[1:], names[0]), truth.distance_m, truth.rsrp_dbm)
+    query = ask(index, turned, in_c=native.BUILT)
+    return _best_fit(index, query, fine_places(index, query, shortlist(index, query)))
+
+
+def _best_fit(index: MapIndex, query: Query, places: Places) -> float | None:
+    return fit_of_place(index, query, places, int(places.score.argmax()))
