@@ -6,6 +6,7 @@ What is left are pieces: stretches of a drive in even steps, each step with the 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -21,6 +22,7 @@ SLACK_M = 20.0  # what two fixes of a receiver in a street canyon may add to the
 SPIKE_M = 40.0  # a fix whose detour is longer went there and back
 STOP_M = 12.0  # jitter of a standing receiver stays within
 STOP_S = 8.0
+LEFT_AFTER = 3  # fixes in a row elsewhere: one or two are jitter
 THINNED_TO_M = 8.0  # closer fixes say more of jitter than of the way
 GAP_M = 100.0  # wider, nobody knows which way the car took...
 GAP_STEPS = 4.0  # ...unless the receiver reports so rarely
@@ -121,10 +123,8 @@ def _without_stops(xy_m: Floats, time_s: Floats) -> _Anchors:
     places, first, last = [], [], []
     at = 0
     while at < len(xy_m):
-        end = at + 1
-        while end < len(xy_m) and np.hypot(*(xy_m[end] - xy_m[at])) <= STOP_M:
-            end += 1
-        if end - at > 1 and time_s[end - 1] - time_s[at] >= STOP_S:
+        end = _stands_until(xy_m, at)
+        if time_s[end - 1] - time_s[at] >= STOP_S:
             places.append(np.median(xy_m[at:end], axis=0))
             first.append(at)
             last.append(end - 1)
@@ -136,7 +136,25 @@ def _without_stops(xy_m: Floats, time_s: Floats) -> _Anchors:
         at += 1
         while at < end and np.hypot(*(xy_m[at] - places[-1])) < THINNED_TO_M:
             at += 1
+    last[-1] = len(xy_m) - 1
     return _Anchors(np.array(places), np.array(first), np.array(last))
+
+
+def _stands_until(xy_m: Floats, at: int) -> int:
+    """The first of the fixes after ``at`` that leave the place where they were on average."""
+    x_m, y_m = xy_m[:, 0], xy_m[:, 1]
+    mean_x, mean_y, out = float(x_m[at]), float(y_m[at]), 0
+    for end in range(at + 1, len(xy_m)):
+        if math.hypot(x_m[end] - mean_x, y_m[end] - mean_y) > STOP_M:
+            out += 1
+            if out == LEFT_AFTER:
+                return end + 1 - LEFT_AFTER
+            continue
+        out = 0
+        weight = 1.0 / (end - at + 1)
+        mean_x += weight * (float(x_m[end]) - mean_x)
+        mean_y += weight * (float(y_m[end]) - mean_y)
+    return len(xy_m) - out
 
 
 def _parts(xy_m: Floats) -> list[slice]:

@@ -49,7 +49,7 @@ class Along:
 class Network:
     """Roads as polylines in local metres, and where one can change from one to another."""
 
-    def __init__(self, lines: Sequence[Float[np.ndarray, "vertices 2"]]) -> None:
+    def __init__(self, lines: Sequence[Floats]) -> None:
         self.lines = [LineString(line) for line in lines]
         self._tree = STRtree(np.array(self.lines, dtype=object))
         self._junctions = self._find_junctions()

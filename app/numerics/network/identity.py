@@ -30,8 +30,8 @@ class Named:
 
 
 def name_lines(
-    lines: Sequence[Float[np.ndarray, "vertices 2"]],
-    known: Mapping[str, Float[np.ndarray, "vertices 2"]],
+    lines: Sequence[Floats],
+    known: Mapping[str, Floats],
 ) -> list[Named]:
     """
     Give each line the name of the known line that it shares most metres with.

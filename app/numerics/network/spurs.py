@@ -11,7 +11,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
+from numpy.typing import NDArray
 
 from app.numerics.geodesy import Floats
 from app.numerics.network.runs import Run
@@ -24,6 +25,8 @@ MANY = 10.0  # ...if so many drives came at all
 LONGEST_END_STEPS = 25  # 125 m
 UNMOVED_M = 1.0
 TOUCH_M = 45.0  # strokes end so far from the crossing that they were cut for
+
+Counts = NDArray[np.int64]  # drives by each step of a chain
 
 
 def without_spurs(
@@ -62,9 +65,7 @@ def on_seeds(
     return np.asarray(shapely.distance(lines, shapely.points(line)) < UNMOVED_M)
 
 
-def _drives(
-    lookup: Strokes, runs: Sequence[Run], contracted: Sequence[Floats]
-) -> list[Int[np.ndarray, " steps"]]:
+def _drives(lookup: Strokes, runs: Sequence[Run], contracted: Sequence[Floats]) -> list[Counts]:
     """Number of drives that come by each step of each chain."""
     seen: set[tuple[int, int, int]] = set()
     for run, line in zip(runs, contracted, strict=True):
@@ -80,7 +81,7 @@ def _drives(
     return driven
 
 
-def _part(driven: Int[np.ndarray, " steps"], open_ends: Sequence[bool]) -> slice:
+def _part(driven: Counts, open_ends: Sequence[bool]) -> slice:
     """The steps between dead ends to which few of the road's drives come."""
     many = float(np.quantile(driven, 0.9))
     if many < MANY:
@@ -93,9 +94,7 @@ def _part(driven: Int[np.ndarray, " steps"], open_ends: Sequence[bool]) -> slice
     )
 
 
-def _is_spur(
-    touched: Sequence[Sequence[int]], number: int, driven: Sequence[Int[np.ndarray, " steps"]]
-) -> bool:
+def _is_spur(touched: Sequence[Sequence[int]], number: int, driven: Sequence[Counts]) -> bool:
     if len(driven[number]) > LONGEST_STEPS or all(touched):
         return False
     own = float(np.quantile(driven[number], 0.9))

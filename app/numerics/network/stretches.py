@@ -10,7 +10,7 @@ import numpy as np
 
 from app.numerics.geodesy import Floats
 from app.numerics.network.following import OFF_ROAD, Along
-from app.numerics.network.steps import STEP_M, Piece
+from app.numerics.network.steps import Piece
 
 SHORTEST_M = 50.0  # of a pass: less holds no window and says little of the road
 TURNED_M = 20.0  # back along the road: more than jitter, so the car turned
@@ -36,7 +36,8 @@ def passes_of(piece: Piece, along: Along) -> list[Stretch]:
         for start, stop in _one_way(along.chainage_m[first:end]):
             a, b = first + start, first + stop - 1
             samples = (int(np.ceil(piece.sample[a])), int(np.floor(piece.sample[b])) + 1)
-            if (b - a) * STEP_M >= SHORTEST_M and samples[1] - samples[0] > 1:
+            way_m = abs(float(along.chainage_m[b] - along.chainage_m[a]))
+            if way_m >= SHORTEST_M and samples[1] - samples[0] > 1:
                 passes.append(Stretch(int(road[first]), *samples))
     return passes
 
