@@ -17,13 +17,13 @@ from app.numerics.geodesy import Floats, LocalFrame
 from app.numerics.lines import length_m, point_at
 from app.numerics.network.appearance import roads_of
 from app.numerics.network.cleaning import clean
-from app.numerics.network.following import OFF_ROAD, Network
+from app.numerics.network.following import Network
 from app.numerics.network.identity import name_lines
 from app.numerics.network.nouns import Driven, Findings, KnownRoad, RoadStretch
 from app.numerics.network.region import Region, cut_piece
 from app.numerics.network.runs import stretches
 from app.numerics.network.steps import STEP_M, Piece
-from app.numerics.network.stretches import passes_of
+from app.numerics.network.stretches import passes_of, stretches_along
 
 
 def find_roads(
@@ -55,12 +55,13 @@ def find_roads(
         for part in region.parts_outside(line)
     ]
     named = name_lines(roads_of(loose, seeds, list(given.values())), found)
+    raw = {road.road_id for road in known if road.raw}
     lines: dict[str, Floats] = {}
     changed: dict[str, Line] = {}
     for one in named:
         road_id = one.name if one.name is not None else next(new_ids)
         lines[road_id] = one.line
-        if not one.same:
+        if not one.same or one.name in raw:
             changed[road_id] = _line(frame, one.line)
     passes = _passes(drives, pieces, given | lines)
     driven = {each.road_id for along in passes.values() for each in along}
@@ -77,7 +78,7 @@ def _passes(
     along: dict[str, list[RoadStretch]] = {one.drive_id: [] for one in drives}
     for piece in pieces:
         for each in passes_of(piece, network.follow(piece.xy_m)):
-            stretch = RoadStretch(ids[each.road], each.first_sample, each.end_sample)
+            stretch = RoadStretch(ids[each.road], each.first, each.end)
             along[drives[piece.drive].drive_id].append(stretch)
     return {drive_id: tuple(each) for drive_id, each in along.items()}
 
@@ -88,7 +89,9 @@ def _left_over(network: Network, pieces: Sequence[Piece]) -> list[Piece]:
         return list(pieces)
     left = []
     for piece in pieces:
-        off = network.follow(piece.xy_m).road == OFF_ROAD
+        off = np.ones(len(piece.xy_m), dtype=bool)
+        for _, first, end in stretches_along(network.follow(piece.xy_m)):
+            off[first:end] = False
         left += [cut_piece(piece, part) for part in stretches(off)]
     return [piece for piece in left if len(piece.xy_m) > 1]
 

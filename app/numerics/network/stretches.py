@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,28 +17,40 @@ TURNED_M = 20.0  # back along the road: more than jitter, so the car turned
 BLINK_STEPS = 10  # 50 m on another road between two stretches of one were on this one
 
 
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """Samples ``first_sample:end_sample`` of a drive run along the road of this number."""
+class Stretch(NamedTuple):
+    """
+    Along the road of this number, from ``first`` to before ``end``.
+
+    Steps of a piece from `stretches_along`, samples of its drive from `passes_of`.
+    """
 
     road: int
-    first_sample: int
-    end_sample: int
+    first: int
+    end: int
 
 
-def passes_of(piece: Piece, along: Along) -> list[Stretch]:
-    """The passes of a piece in driving order."""
+def stretches_along(along: Along) -> list[Stretch]:
+    """The steps of a piece that run along a road in one direction, long enough for a pass."""
     road = _steadied(along.road)
-    passes = []
+    found = []
     for first, end in _same(road):
         if road[first] == OFF_ROAD:
             continue
         for start, stop in _one_way(along.chainage_m[first:end]):
-            a, b = first + start, first + stop - 1
-            samples = (int(np.ceil(piece.sample[a])), int(np.floor(piece.sample[b])) + 1)
-            way_m = abs(float(along.chainage_m[b] - along.chainage_m[a]))
-            if way_m >= SHORTEST_M and samples[1] - samples[0] > 1:
-                passes.append(Stretch(int(road[first]), *samples))
+            a, b = first + start, first + stop
+            if abs(along.chainage_m[b - 1] - along.chainage_m[a]) >= SHORTEST_M:
+                found.append(Stretch(int(road[first]), a, b))
+    return found
+
+
+def passes_of(piece: Piece, along: Along) -> list[Stretch]:
+    """The passes of a piece in driving order, as samples of its drive."""
+    passes = []
+    for road, first, end in stretches_along(along):
+        low = int(np.ceil(piece.sample[first]))
+        high = int(np.floor(piece.sample[end - 1])) + 1
+        if high - low > 1:
+            passes.append(Stretch(road, low, high))
     return passes
 
 

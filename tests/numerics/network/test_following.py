@@ -29,8 +29,8 @@ def test_a_crossing_is_driven_over(seed):
     piece, along = followed([MAIN, SIDE], (0.0, 0.0), (600.0, 0.0), seed=seed)
     assert set(along.road.tolist()) == {0}
     (one,) = passes_of(piece, along)
-    assert (one.road, one.first_sample) == (0, 0)
-    assert one.end_sample == 68
+    assert (one.road, one.first) == (0, 0)
+    assert one.end == 68
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -40,8 +40,8 @@ def test_a_turn_is_a_pass_on_either_road(seed):
     piece, along = followed([MAIN, SIDE], *corners, seed=seed)
     passes = passes_of(piece, along)
     assert [one.road for one in passes] == [0, 1]
-    assert passes[0].end_sample == pytest.approx(34, abs=3)
-    assert passes[1].first_sample == pytest.approx(34, abs=3)
+    assert passes[0].end == pytest.approx(34, abs=3)
+    assert passes[1].first == pytest.approx(34, abs=3)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -63,8 +63,8 @@ def test_turning_round_on_the_road_makes_two_passes():
     piece, along = followed([MAIN], (50.0, 0.0), (500.0, 0.0), (100.0, 0.0), noise_m=1.0)
     passes = passes_of(piece, along)
     assert len(passes) == 2
-    assert passes[0].end_sample == pytest.approx(51, abs=4)
-    assert passes[1].first_sample == pytest.approx(50, abs=4)
+    assert passes[0].end == pytest.approx(51, abs=4)
+    assert passes[1].first == pytest.approx(50, abs=4)
 
 
 def test_a_short_visit_is_no_pass():
