@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from app.formats.account import WRONG_COLUMNS, Account, BrokenFile
 from app.formats.table import Block, Column, Layout, encode, without_blanks
 
-BLOCK_BYTES = 4 << 20  # some 60,000 rows: large enough for numpy, small enough for flat memory
+BLOCK_BYTES = 1 << 20  # some 15,000 rows; Arrow reads several ahead
 
 
 def read_blocks_fast(

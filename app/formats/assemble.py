@@ -26,7 +26,7 @@ from app.formats.values import EPOCH_LEAST_S
 DRIVE_GAP_S = 300.0  # a silence this long ends a drive that the file does not name itself
 JUMP_M = 10_000.0  # between two samples of a drive: no survey takes it (app.api.checks)
 LEAST_SAMPLES = 2  # one sample spans no stretch of road
-MOST_WAITING_ROWS = 1_000_000  # 54 bytes each, and three times that while they are sorted
+MOST_WAITING_ROWS = 500_000  # 54 bytes each, and three times that while they are sorted
 MOST_TRACE_VALUES = 2_000_000  # samples x cells of one trace: a JSON body of some 16 MB
 
 Indices = NDArray[np.intp]

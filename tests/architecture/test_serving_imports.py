@@ -7,7 +7,10 @@ import sys
 
 import pytest
 
-BUILD_ONLY = ("scipy", "ruptures", "shapely", "pyproj", "pandas", "matplotlib", "dbos", "alembic")
+BUILD_ONLY = (
+    *("scipy", "ruptures", "shapely", "pyproj", "pandas", "pyarrow", "matplotlib", "dbos"),
+    "alembic",
+)
 
 
 @pytest.mark.parametrize("module", ["app.main", "app.commands.serve"])
