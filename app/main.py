@@ -25,6 +25,7 @@ from app.api.middleware.envelope import Envelope
 from app.api.openapi import openapi_document
 from app.api.routes import builds, cells, docs, geosubmit, health, locate, maps, roads, surveys
 from app.api.state import Limits, State
+from app.services.keys import state_key
 from app.services.publish import MapHolder
 from app.settings import Settings
 from app.store.engine import create_store_engine
@@ -86,6 +87,7 @@ def _lifespan(
         engine = create_store_engine(settings.store_url, busy_timeout_ms=settings.busy_timeout_ms)
         maps = MapHolder()
         await run_in_threadpool(maps.refresh, engine)
+        key = await run_in_threadpool(state_key, engine, settings.state_key)
         gc.freeze()  # what is loaded now stays; the collector need not walk it again
         stop = threading.Event()
         poller = threading.Thread(
@@ -95,7 +97,9 @@ def _lifespan(
             daemon=True,
         )
         poller.start()
-        yield State(engine=engine, maps=maps, limits=_limits(settings), metrics=metrics)
+        yield State(
+            engine=engine, maps=maps, limits=_limits(settings), metrics=metrics, state_key=key
+        )
         stop.set()
         poller.join(timeout=settings.map_poll_interval_s + 1.0)
         engine.dispose()

@@ -62,6 +62,11 @@ class Settings(BaseModel):
     busy_timeout_ms: int = Field(
         default=10_000, ge=0, description="How long a SQLite writer waits for another."
     )
+    state_key: str | None = Field(
+        default=None,
+        repr=False,
+        description="Secret that signs tracking states; empty: one that the store makes and keeps.",
+    )
     log_level: LogLevel = Field(default="info", description="Least level that is logged.")
 
     @property

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from app.api.schemas.locate import LocateRequest
+from app.api.state import Limits
+from app.api.tracks import is_tracked, track
+from app.api.windows import window_of
 from app.domain import Candidate, Fix
+from app.numerics.index import MapIndex
+from app.services.locate import locate
 
 
 def fix_document(fix: Fix, max_candidates: int | None) -> dict[str, Any]:
@@ -55,3 +61,21 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
         "lat": candidate.lat,
         "chainage_m": candidate.chainage_m,
     }
+
+
+def located_document(
+    index: MapIndex, request: LocateRequest, limits: Limits, state_key: bytes
+) -> tuple[Fix, dict[str, Any]]:
+    """
+    The fix of a request and its document, tracked when the request asks for that.
+
+    Raises:
+        InvalidInput: With every fault of the window, or that of its state.
+    """
+    window = window_of(request, limits)
+    if not is_tracked(request):
+        fix = locate(index, window, confidence=request.confidence)
+        return fix, fix_document(fix, request.max_candidates)
+    tracked = track(index, request, window, state_key)
+    document = fix_document(tracked.fix, request.max_candidates)
+    return tracked.fix, {**document, "state": tracked.state}

@@ -34,6 +34,7 @@ class State(TypedDict):
     maps: MapHolder
     limits: Limits
     metrics: Metrics
+    state_key: bytes  # signs tracking states
 
 
 def current_map(state: State) -> MapIndex:

@@ -10,19 +10,18 @@ from typing import Self
 import orjson
 from pydantic import TypeAdapter, ValidationError
 
-from app.api.answers import fix_document
+from app.api.answers import located_document
 from app.api.faults import invalid_input
 from app.api.schemas.locate import LocateRequest
 from app.api.state import Limits
 from app.api.surveys import Described, trace_of_json
-from app.api.windows import window_of
 from app.commands.target import BuildView, Document, Posted, Refused
 from app.domain import Road, Trace
 from app.errors import NoMap, RoadprintError
 from app.numerics.index import MapIndex
 from app.services.builds import BuildState, get_build, request_build
 from app.services.ingest import accept_survey
-from app.services.locate import locate
+from app.services.keys import state_key
 from app.services.publish import MapHolder
 from app.services.roads import put_road
 from app.services.supervisor import start_worker_process
@@ -105,16 +104,13 @@ class LocalTarget:
         """The fix of one window on the active map."""
         try:
             request = _window_adapter.validate_json(orjson.dumps(document))
-            window = window_of(request, self._limits)
-            fix = locate(self._index(), window, confidence=request.confidence)
+            key = state_key(self._engine, self._settings.state_key)
+            _, located = located_document(self._index(), request, self._limits, key)
         except ValidationError as error:
             raise Refused("invalid-input", str(invalid_input(error))) from error
         except RoadprintError as error:
             raise Refused(error.code, str(error)) from error
-        plain = orjson.dumps(
-            fix_document(fix, request.max_candidates), option=orjson.OPT_SERIALIZE_NUMPY
-        )
-        answer: Document = orjson.loads(plain)
+        answer: Document = orjson.loads(orjson.dumps(located, option=orjson.OPT_SERIALIZE_NUMPY))
         return answer
 
     def _quiet_settings(self) -> Settings:

@@ -17,11 +17,11 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import NDArray
 
-from app.domain import Calibration, Line, RadioMap, RoadModel
+from app.domain import Calibration, RadioMap, RoadModel
 from app.numerics import native
 from app.numerics.geodesy import Floats, LocalFrame
 from app.numerics.graph import RoadGraph
-from app.numerics.lines import headings_deg, point_at
+from app.numerics.lines import headings_deg, point_at, z_order
 from app.numerics.observation import OffsetPrior, Profile, profile
 
 COARSE_STEPS_M = (4.0, 8.0, 16.0)  # each serves windows up to GAP times as long
@@ -212,7 +212,7 @@ def _draw_atlas(models: Sequence[RoadModel], frame: LocalFrame) -> Atlas:
 
 def _groups(models: Sequence[RoadModel]) -> list[tuple[int, ...]]:
     """Neighbours together, each group short enough for one product; along a Z-order curve."""
-    order = sorted(range(len(models)), key=lambda i: _morton(models[i].line))
+    order = sorted(range(len(models)), key=lambda i: z_order(models[i].line))
     groups: list[tuple[int, ...]] = []
     current: list[int] = []
     columns = 0.0
@@ -224,13 +224,6 @@ def _groups(models: Sequence[RoadModel]) -> list[tuple[int, ...]]:
         current.append(i)
         columns += wanted
     return [*groups, tuple(current)] if current else groups
-
-
-def _morton(line: Line) -> int:
-    """Interleaved bits of the line's middle, so that near roads get near numbers."""
-    x = int((float(np.mean(line.lon)) + 180.0) / 360.0 * (1 << 24))
-    y = int((float(np.mean(line.lat)) + 90.0) / 180.0 * (1 << 24))
-    return sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(24))
 
 
 def salient_cells(model: RoadModel) -> list[str]:

@@ -99,3 +99,10 @@ def project(line: Line, lon: ArrayLike, lat: ArrayLike) -> Projection:
 
 def _unwrapped_lon(line: Line) -> Floats:
     return np.degrees(np.unwrap(np.radians(line.lon)))
+
+
+def z_order(line: Line) -> int:
+    """Interleaved bits of the line's middle, so that near roads get near numbers."""
+    x = int((float(np.mean(line.lon)) + 180.0) / 360.0 * (1 << 24))
+    y = int((float(np.mean(line.lat)) + 90.0) / 180.0 * (1 << 24))
+    return sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(24))

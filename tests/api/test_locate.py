@@ -125,7 +125,7 @@ def raw(**changed: Any) -> dict[str, Any]:
 
 
 WINDOW_REFUSALS: list[tuple[str, dict[str, Any], set[str], str]] = [
-    ("unknown field", raw(state="x"), {"/state"}, "unknown field 'state'"),
+    ("unknown field", raw(speed="x"), {"/speed"}, "unknown field 'speed'"),
     ("no way", raw(distance_m=None), {"/distance_m"}, "the way is missing"),
     ("half a way", raw(distance_m=None, time_s=[0.0, 1, 2, 3]), {"/distance_m"}, "the way is missing"),
     ("two ways", raw(speed_mps=3.0), {"/speed_mps"}, "told by distance_m already"),

@@ -13,7 +13,7 @@ from pydantic_core import from_json
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
-from app.api.answers import fix_document
+from app.api.answers import located_document
 from app.api.content import raw_body, require_json
 from app.api.errors import problem_of
 from app.api.faults import Faults, invalid_input
@@ -21,10 +21,8 @@ from app.api.hot import HotResponse, HotRoute
 from app.api.openapi import body_of, problems
 from app.api.schemas.locate import BatchAnswer, BatchRequest, FixDocument, LocateRequest
 from app.api.state import Limits, State, StateOf, current_map
-from app.api.windows import window_of
 from app.errors import Fault, InvalidInput
 from app.numerics.index import MapIndex
-from app.services.locate import locate
 
 hot_router = APIRouter(prefix="/v1", tags=["locate"], route_class=HotRoute)
 router = APIRouter(prefix="/v1", tags=["locate"])
@@ -38,16 +36,17 @@ async def locate_window(body: LocateRequest, request: Request) -> Response:
     Locates one window: the answer is the position at its LAST sample.
 
     `status` is `off_map` when the window fits no mapped road. `Server-Timing` tells how long the
-    matching took.
+    matching took. Naming `state` tracks the vehicle: null with its first window, then the answer's
+    `state` with each next one; nothing is kept here.
     """
     state = cast("State", request.scope["state"])
     index = current_map(state)
     started = perf_counter()
-    fix = locate(index, window_of(body, state["limits"]), confidence=body.confidence)
+    fix, document = located_document(index, body, state["limits"], state["state_key"])
     matched_ms = (perf_counter() - started) * 1000
     state["metrics"].fix("off_map" if fix.off_map else "located")
     return HotResponse(
-        orjson.dumps(fix_document(fix, body.max_candidates), option=orjson.OPT_SERIALIZE_NUMPY),
+        orjson.dumps(document, option=orjson.OPT_SERIALIZE_NUMPY),
         (b"server-timing", b"match;dur=%.3f" % matched_ms),
     )
 
@@ -115,12 +114,12 @@ def _fix_or_problem(index: MapIndex, window: object, place: int, state: State) -
             body = _window_adapter.validate_python(window)
         except ValidationError as error:
             raise invalid_input(error) from None
-        fix = locate(index, window_of(body, state["limits"]), confidence=body.confidence)
+        fix, document = located_document(index, body, state["limits"], state["state_key"])
     except InvalidInput as error:
         state["metrics"].fix("refused")
         return problem_of(_within(error, f"/windows/{place}"), "/v1/locate/batch")
     state["metrics"].fix("off_map" if fix.off_map else "located")
-    return fix_document(fix, body.max_candidates)
+    return document
 
 
 def _within(error: InvalidInput, prefix: str) -> InvalidInput:

@@ -36,6 +36,21 @@ class LocateRequest(BaseModel):
     max_candidates: Annotated[int, Field(ge=0)] | None = Field(
         default=None, description="Most candidates answered; absent or null: all of them."
     )
+    state: str | None = Field(
+        default=None,
+        description=(
+            "Tracks the vehicle: null or empty with its first window, then the `state` of the "
+            "answer to its window before. Absent: this window is located by itself."
+        ),
+    )
+    travelled_m: Annotated[float, Field(ge=0)] | None = Field(
+        default=None,
+        description=(
+            "With `state`: metres from the last sample of the window before to this one's. Absent "
+            "or null: by `distance_m` (or `time_s`) where it runs on from that window; else the "
+            "windows follow one another back to back."
+        ),
+    )
 
 
 class FixRoad(BaseModel):
@@ -101,6 +116,10 @@ class FixDocument(BaseModel):
     samples_used: int
     cells_used: int
     cells_unknown: list[str] = Field(description="Cells of the window that the map does not have.")
+    state: str = Field(
+        default="",
+        description="Only when the request named `state`: send it with the vehicle's next window.",
+    )
 
 
 class BatchRequest(BaseModel):

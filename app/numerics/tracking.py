@@ -1,0 +1,195 @@
+"""
+Windows of one vehicle, each sharpened by those before it: a Bayes filter.
+
+Predict: the belief moves by the travelled distance (`app.numerics.motion`). Update: every place's
+prior is what the moved belief says of it, its likelihood that of the readings which are new.
+Condense: the posterior becomes a few modes again (`app.numerics.belief`). Nothing is kept here; the
+belief goes with the caller.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from app.domain import Fix, Window
+from app.numerics import native
+from app.numerics.answer import answer, fit_of_place
+from app.numerics.belief import Belief, Mode, Prior, condense
+from app.numerics.index import MapIndex
+from app.numerics.matching import Coarse, fine_places, shortlist
+from app.numerics.motion import OFF_MAP_SHARE, Branch, Predicted, predict
+from app.numerics.observation import CORRELATION_M
+from app.numerics.offmap import off_map_probability
+from app.numerics.paths import places_round, turns_within
+from app.numerics.posterior import SCORE, Places, masses
+from app.numerics.query import Query, ask
+from app.numerics.refinement import refine
+
+MOST_TURNS = 12  # windows are laid round this many corners at most, the likeliest ones
+MOST_SAID = 8.0  # nats that one window may say against a place: 1 in 3,000
+OFF_MAP_BOUNDS = (0.002, 0.5)  # what a track may say of being off the map before it listens
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """A fix, and what it leaves to the next window."""
+
+    fix: Fix
+    belief: Belief
+
+
+def begin(
+    index: MapIndex, window: Window, *, confidence: float = 0.68, in_c: bool = native.BUILT
+) -> Tracked:
+    """The first window of a track: the fix is `app.numerics.matching.locate`'s, to the last bit."""
+    query = ask(index, window, in_c=in_c)
+    places = refine(index, query, fine_places(index, query, shortlist(index, query)))
+    fix = answer(index, query, places, confidence)
+    return Tracked(fix, _belief(index, query, places, fix.off_map_posterior))
+
+
+def follow(
+    index: MapIndex,
+    window: Window,
+    belief: Belief,
+    travelled_m: float,
+    *,
+    confidence: float = 0.68,
+    in_c: bool = native.BUILT,
+) -> Tracked:
+    """
+    A later window of a track.
+
+    Args:
+        belief: What the window before left.
+        travelled_m: From that window's last sample to this one's. Readings farther back than this
+            were heard already and count no second time.
+    """
+    predicted = predict(index, belief, travelled_m)
+    recent = _unheard(window, travelled_m)
+    query = ask(index, recent, in_c=in_c)
+    temperature = query.temperature(index.calibration)
+    trust = _trust(index, query, travelled_m)
+    stayed, turned = _parted(predicted, query.length_m)
+    on_map = max(1.0 - predicted.off_map, 1e-9)
+    prior = Prior(index, stayed, predicted.anywhere, on_map)
+    places = refine(index, query, _straight(index, query, prior, trust))
+    log_prior = prior.log_density(places.road, places.sign, places.chainage_m)
+    if turned:
+        plain = query if query.told is None else ask(index, recent)
+        rounds = [_round(index, plain, each, on_map) for each in turned]
+        places = Places.join([places, *(each for each, _ in rounds)])
+        log_prior = np.concatenate([log_prior, *(log for _, log in rounds)])
+    fit = fit_of_place(index, query, places, int(places.score.argmax()))
+    places.values[SCORE] = _heeded(places.score, temperature, trust) + temperature * log_prior
+    fix = answer(index, query, places, confidence)
+    off_map = _off_map(index, query, fit, predicted.off_map, trust)
+    learnt = _belief(index, query, places, off_map) if travelled_m > 0 else belief
+    return Tracked(_with_off_map(fix, off_map), learnt)
+
+
+def _unheard(window: Window, travelled_m: float) -> Window:
+    """The samples of the last ``travelled_m``; the last sample alone when there is none."""
+    since_m = window.distance_m[-1] - window.distance_m
+    first = int((since_m < travelled_m).argmax()) if travelled_m > 0 else len(since_m) - 1
+    if first == 0 and since_m[0] < travelled_m:
+        return window
+    first = first if since_m[first] < travelled_m else len(since_m) - 1
+    return Window(window.cells, window.distance_m[first:], window.rsrp_dbm[first:])
+
+
+def _trust(index: MapIndex, query: Query, travelled_m: float) -> float:
+    """
+    What the new readings count for, as a share of what the same window says alone.
+
+    Never for more road than was travelled; and what a window says but once, however long it is
+    (`Calibration.information_once`), was said by the one before.
+    """
+    alone = query.weight / query.temperature(index.calibration)
+    more = min(index.calibration.information_each * query.weight, alone)
+    return more / alone * min(1.0, travelled_m / (query.weight * CORRELATION_M))
+
+
+def _parted(predicted: Predicted, length_m: float) -> tuple[list[Mode], list[Branch]]:
+    """Modes that a window lies straight along, and branches that it must be laid round."""
+    turned = [each for each in predicted.branches if turns_within(each, length_m)][:MOST_TURNS]
+    chosen = set(map(id, turned))
+    return [each.mode for each in predicted.branches if id(each) not in chosen], turned
+
+
+def _straight(index: MapIndex, query: Query, prior: Prior, trust: float) -> Places:
+    """Places along single roads that matter, given what the belief says of them."""
+    temperature = query.temperature(index.calibration)
+
+    def foreseen(coarse: Coarse) -> Coarse:
+        log = prior.log_density(coarse.road, coarse.sign, coarse.chainage_m, 0.5 * coarse.step_m)
+        heeded = _heeded(coarse.score, temperature, trust)
+        weighed = (heeded + temperature * log).astype(coarse.score.dtype)
+        return replace(coarse, score=weighed)
+
+    return fine_places(index, query, shortlist(index, query, foreseen=foreseen))
+
+
+def _round(
+    index: MapIndex, query: Query, branch: Branch, on_map: float
+) -> tuple[Places, Float[np.ndarray, " places"]]:
+    """Places round one branch's corners, and the log of their prior density."""
+    places = places_round(index, query, branch)
+    prior = Prior(index, [branch.mode], 0.0, on_map)
+    return places, prior.log_density(places.road, places.sign, places.chainage_m)
+
+
+def _heeded(
+    score: Float[np.ndarray, " places"], temperature: float, trust: float
+) -> Float[np.ndarray, " places"]:
+    """
+    Scores as far as they are believed beside a track.
+
+    One window may mislead, by a lorry beside the car or by a cell that was rebuilt: however badly
+    it fits a place, it speaks no more than `MOST_SAID` against it.
+    """
+    scaled = trust * (score - score.max()) * (1.0 / temperature)
+    return np.asarray(temperature * np.logaddexp(scaled, -MOST_SAID * trust))
+
+
+def _off_map(
+    index: MapIndex, query: Query, fit: float | None, before: float, trust: float
+) -> float:
+    """
+    Probability of being off the map, from what it was before the window and how well this fits.
+
+    A window that heard nothing says nothing; alone it would be off the map.
+    """
+    if not query.cells and not query.unknown:
+        return before
+    alone = off_map_probability(index.calibration, fit)
+    heard = trust * (_log_odds(alone) - _log_odds(OFF_MAP_SHARE))
+    low, high = OFF_MAP_BOUNDS
+    log_odds = _log_odds(min(max(before, low), high)) + heard
+    return 1.0 / (1.0 + math.exp(-min(max(log_odds, -30.0), 30.0)))
+
+
+def _log_odds(probability: float) -> float:
+    return math.log(probability) - math.log(max(1.0 - probability, 1e-13))
+
+
+def _with_off_map(fix: Fix, off_map: float) -> Fix:
+    """The fix with another probability of being off the map, the rest shared as it was."""
+    share = (1.0 - off_map) / sum(one.posterior for one in fix.candidates)
+    return replace(
+        fix,
+        off_map=off_map > 0.5,
+        off_map_posterior=off_map,
+        road_posterior=fix.road_posterior * share,
+        segment_posterior=fix.segment_posterior * share,
+        candidates=tuple(replace(one, posterior=one.posterior * share) for one in fix.candidates),
+    )
+
+
+def _belief(index: MapIndex, query: Query, places: Places, off_map: float) -> Belief:
+    mass = masses(places, query.temperature(index.calibration))
+    return condense(places, mass, off_map)
