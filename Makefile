@@ -5,11 +5,12 @@ VENV ?= .venv
 EXTRAS ?= dev
 DATA ?= demo-data
 PORT ?= 8000
+MEASUREMENTS ?= ../shared/data
 BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help install system demo serve test lint format types contracts bench evaluate openapi docs constraints check clean
+.PHONY: help install system demo serve test lint format types contracts bench evaluate evaluation openapi docs constraints check clean
 
 help: ## this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -51,6 +52,16 @@ bench: install ## what each thing costs, beside its floor
 
 evaluate: install ## a short run of the laboratory: every method on the paper's area, into results/short
 	$(BIN)/roadprint evaluate --scenario paper --experiments cells,cdf,reliability --seeds 1 --windows 60 --out results/short $(ARGS)
+
+evaluation: install ## the whole laboratory (a quarter of an hour and more), then docs/evaluation.md from its results
+	$(BIN)/roadprint evaluate --scenario paper --experiments all --seeds 3 --windows 300 --out results/paper $(ARGS)
+	@runs="paper=results/paper"; \
+	for pair in streets:santa_monica_att route:pcat; do \
+		run="$${pair%%:*}"; data="$(MEASUREMENTS)/$${pair#*:}"; \
+		if [ ! -d "$$data" ]; then echo "no measurements at $$data: its part of the page stays as it is"; continue; fi; \
+		$(BIN)/roadprint evaluate --data "$$data" --seeds 1 --windows 300 --out "results/$$run" $(ARGS) || exit 1; \
+		runs="$$runs $$run=results/$$run"; \
+	done; $(BIN)/python docs/refresh_evaluation.py $$runs
 
 openapi: install ## openapi/openapi.json from the code
 	$(BIN)/roadprint openapi --out openapi/openapi.json

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from app.evaluation.experiments import tables
 from app.evaluation.experiments.execute import execute, finish
 from app.evaluation.experiments.plan import EXPERIMENTS, Ask, jobs, plan
 from app.evaluation.experiments.score import mean_interval, reliability, score
@@ -109,6 +110,14 @@ def test_a_finished_job_is_not_run_again(finished):
     assert told == [20]
 
 
+def test_a_job_of_other_code_is_run_again(finished, monkeypatch):
+    """Resuming never mixes the results of two states of the methods."""
+    job = jobs(tiny())[0]
+    assert Shelf(finished).has(job)
+    monkeypatch.setattr(tables, "fingerprint", lambda: "another")
+    assert not Shelf(finished).has(job)
+
+
 def test_every_method_is_asked_the_same_windows(finished):
     """Each window appears once a method, with one truth."""
     rows = Shelf(finished).read(jobs(tiny())[0]).to_pylist()
@@ -145,15 +154,38 @@ def test_points_are_the_scores_of_their_fixes(finished, reported):
             assert float(row["p90_m"]) == pytest.approx(np.quantile(own, 0.9), abs=1e-12)
 
 
+SCORED = {"cells", "cdf"}
+CALIBRATION = ("ece", "coverage68", "coverage95")
+
+
+def two(value):
+    return f"{float(value):.2f}" if value else "–"
+
+
+def percent(value):
+    return f"{float(value):.1%}" if value else "–"
+
+
 def test_the_page_says_what_the_files_say(finished, reported):
-    """Every row of the page's tables is a row of points.csv; figures are the files' own."""
+    """Every row of points.csv is on the page, digit by digit; figures are the files' own."""
     page = (finished / "report.html").read_text()
-    for row in reported:
-        if row["experiment"] != "cells":
-            continue
-        cells = [row["protocol"], row["label"], row["method"], str(row["windows"])]
-        cells += [f"{row['mde_m']:.2f}", f"{row['mde_low_m']:.2f} to {row['mde_high_m']:.2f}"]
-        assert "".join(f"<td>{cell}</td>" for cell in cells) in page
+    with (finished / "points.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(reported)
+    for row in (each for each in rows if each["experiment"] in SCORED):
+        cells = [row["protocol"], row["label"], row["method"], row["windows"]]
+        cells += [two(row["mde_m"]), f"{two(row['mde_low_m'])} to {two(row['mde_high_m'])}"]
+        cells += [two(row[name]) for name in ("median_m", "p75_m", "p90_m", "p95_m")]
+        cells += [two(row["median_along_m"]), f"{float(row['bound_m']):.3f}"]
+        cells += [percent(row["road_rate"]), percent(row["direction_rate"])]
+        cells += [f"{float(row[name]):.3f}" for name in ("median_delay_ms", "mean_delay_ms")]
+        assert "".join(f"<td>{cell}</td>" for cell in cells) in page, row["method"]
+    (ours,) = (r for r in rows if r["experiment"] == "reliability" and r["method"] == "roadprint")
+    cells = [ours["label"], "roadprint", *(percent(ours[name]) for name in CALIBRATION)]
+    assert "".join(f"<td>{cell}</td>" for cell in cells) in page
+    (ours,) = (r for r in rows if r["experiment"] == "recall" and r["method"] == "roadprint")
+    cells = [ours["label"], f"{float(ours['recall']):.6f}", f"{float(ours['least_recall']):.4f}"]
+    assert "".join(f"<td>{cell}</td>" for cell in cells) in page
     drawn = sorted((finished / "figures").glob("*.svg"))
     assert [file.stem for file in drawn] == ["cdf", "cells-delay", "cells-mde", "reliability"]
     for file in drawn:

@@ -27,8 +27,9 @@ Clock = Callable[[], float]
 
 @dataclass(slots=True)
 class Outcome:
-    """Rows of fixes, and what each method chose and took to learn."""
+    """Rows of fixes, what each method chose and took to learn, and how long all of it took."""
 
+    took_s: float = 0.0
     rows: list[dict[str, Any]] = field(default_factory=list)
     methods: dict[str, dict[str, Any]] = field(default_factory=dict)
 
@@ -41,6 +42,7 @@ def run_job(job: Job, clock: Clock) -> Outcome:
         clock: What measures the delays.
     """
     setting = job.setting
+    started_s = clock()
     world = _world(setting)
     outcome = Outcome()
     models: dict[str, Model] = {}
@@ -55,6 +57,7 @@ def run_job(job: Job, clock: Clock) -> Outcome:
     for case in job.cases:
         asked = world.ask(case, setting)
         outcome.rows += _ask_all(job, case, models, asked, world.city, clock)
+    outcome.took_s = clock() - started_s
     return outcome
 
 

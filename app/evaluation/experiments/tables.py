@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
+from app.evaluation.experiments.fingerprint import fingerprint
 from app.evaluation.experiments.plan import Job
 from app.evaluation.experiments.run import Outcome
 
@@ -59,13 +60,21 @@ class Shelf:
         self._folder.mkdir(parents=True, exist_ok=True)
 
     def has(self, job: Job) -> bool:
-        """Whether the job was finished, in this run or an earlier one."""
-        return self._path(job).is_file()
+        """Whether the job was finished by this state of the code, in this run or an earlier one."""
+        path = self._path(job)
+        if not path.is_file():
+            return False
+        about = pq.read_schema(path).metadata or {}
+        return bool(about.get(b"code") == fingerprint().encode())
 
     def put(self, job: Job, outcome: Outcome) -> None:
         """Keep a finished job; a process killed meanwhile leaves nothing half written."""
         table = pa.Table.from_pylist(outcome.rows, schema=SCHEMA)
-        about = {"methods": json.dumps(outcome.methods)}
+        about = {
+            "methods": json.dumps(outcome.methods),
+            "took_s": str(outcome.took_s),
+            "code": fingerprint(),
+        }
         part = self._path(job).with_suffix(".part")
         pq.write_table(table.replace_schema_metadata(about), part)
         part.replace(self._path(job))
@@ -78,6 +87,11 @@ class Shelf:
         """What each method chose and took to learn."""
         about = pq.read_schema(self._path(job)).metadata or {}
         return dict(json.loads(about[b"methods"]))
+
+    def took_s(self, job: Job) -> float:
+        """How long a finished job took."""
+        about = pq.read_schema(self._path(job)).metadata or {}
+        return float(about[b"took_s"])
 
     def _path(self, job: Job) -> Path:
         return self._folder / f"{job.key}.parquet"

@@ -15,9 +15,9 @@ from app.numerics.roadfit import fit_road
 
 
 @lru_cache(maxsize=1)
-def build_index(survey: Survey) -> MapIndex:
+def build_map(survey: Survey) -> RadioMap:
     """
-    Fit every road of a survey, calibrate, index: what a build of the service does.
+    Fit every road of a survey and calibrate: what a build of the service does.
 
     Roads that cannot be built are missing, as they are in the service. Remembers the last survey,
     so that `roadprint` and `exhaustive` share one map.
@@ -29,7 +29,13 @@ def build_index(survey: Survey) -> MapIndex:
             models.append(fit_road(road, passes))
         except CannotBuildRoad:
             continue
-    return MapIndex.build(RadioMap(1, tuple(models), calibrate(models)))
+    return RadioMap(1, tuple(models), calibrate(models))
+
+
+@lru_cache(maxsize=1)
+def build_index(survey: Survey) -> MapIndex:
+    """The map of a survey, arranged for matching; the last one is remembered as well."""
+    return MapIndex.build(build_map(survey))
 
 
 @dataclass(frozen=True, eq=False)

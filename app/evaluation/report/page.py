@@ -33,6 +33,7 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("p90_m", "p90", ".2f"),
     ("p95_m", "p95", ".2f"),
     ("median_along_m", "median along", ".2f"),
+    ("bound_m", "bound m", ".3f"),
     ("road_rate", "road", ".1%"),
     ("direction_rate", "direction", ".1%"),
     ("median_delay_ms", "median ms", ".3f"),

@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from app.evaluation.experiments.fingerprint import fingerprint
 from app.evaluation.experiments.plan import Job, Point
 from app.evaluation.experiments.score import Row, pick, reliability, score_points
 from app.evaluation.experiments.tables import Shelf, write_fixes, write_rows
@@ -59,8 +60,15 @@ def write_report(run: Run, folder: Path) -> list[Row]:
         "about": run.about,
         "versions": {name: version(name) for name in PACKAGES},
         "python": platform.python_version(),
+        "code": fingerprint(),
         "jobs": [
-            {"key": job.key, **asdict(job), "methods": shelf.methods(job)} for job in run.jobs
+            {
+                "key": job.key,
+                **asdict(job),
+                "methods": shelf.methods(job),
+                "took_s": shelf.took_s(job),
+            }
+            for job in run.jobs
         ],
         "points": rows,
         "verdict": [asdict(each) for each in findings],
