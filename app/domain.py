@@ -8,6 +8,7 @@ scalars. Nothing here knows of files, databases or HTTP. `docs/glossary.md` defi
 from __future__ import annotations
 
 import enum
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -60,6 +61,8 @@ class Trace:
         time_s: Seconds from the first sample, non-decreasing. Shape ``(samples,)``.
         lon, lat: WGS 84 degrees. Shape ``(samples,)``.
         rsrp_dbm: Received power, float32. Shape ``(samples, cells)``; NaN = not heard.
+        global_ids: What some of the cells are called worldwide (``mcc-mnc-eci``), as far as it was
+            told; for people, nothing is matched by it.
     """
 
     cells: tuple[str, ...]
@@ -71,6 +74,7 @@ class Trace:
     device: str | None = None
     recorded_at: datetime | None = None
     reference_cell: str | None = None
+    global_ids: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

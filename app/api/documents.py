@@ -68,6 +68,7 @@ def samples_document(trace: Trace) -> Document:
         "recorded_at": trace.recorded_at,
         "reference_cell": trace.reference_cell,
         "cells": list(trace.cells),
+        "global_ids": dict(trace.global_ids),
         "time_s": np.ascontiguousarray(trace.time_s),
         "lon": np.ascontiguousarray(trace.lon),
         "lat": np.ascontiguousarray(trace.lat),

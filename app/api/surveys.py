@@ -17,7 +17,7 @@ from app.api.checks import (
     check_rsrp,
     check_within,
 )
-from app.api.faults import Faults, invalid_input
+from app.api.faults import Faults, invalid_input, pointer_of
 from app.api.schemas.surveys import SurveyRequest
 from app.domain import Trace
 
@@ -68,6 +68,9 @@ def trace_of_survey(survey: SurveyRequest, described: Described) -> Trace:
     check_cells(survey.cells, faults)
     if survey.reference_cell is not None and survey.reference_cell not in survey.cells:
         faults.add("/reference_cell", f"{survey.reference_cell!r} is not in /cells")
+    for cell in survey.global_ids or {}:
+        if cell not in survey.cells:
+            faults.add(pointer_of(("global_ids", cell)), f"{cell!r} is not in /cells")
     whole = check_rows(survey.rsrp_dbm, len(survey.cells), faults)
     if not whole or not samples or not survey.cells:
         faults.raise_if_any()  # there is no matrix to look at further
@@ -108,4 +111,5 @@ def _checked_trace(survey: SurveyRequest, faults: Faults) -> Trace:
         device=survey.device,
         recorded_at=survey.recorded_at,
         reference_cell=survey.reference_cell,
+        global_ids=survey.global_ids or {},
     )

@@ -156,7 +156,7 @@ def _traces(
             skipped += 1
             continue
         intake.passes += 1
-        intake.global_ids.update(drive.global_ids)
+        intake.global_ids.update(drive.trace.global_ids)
         yield f"{reading.file.name}/{drive.name}", replace(drive.trace, road_id=wishes.road_id)
     intake.skipped += skipped
     if skipped:

@@ -46,6 +46,7 @@ class Spool:
             "name": name,
             "cells": trace.cells,
             "device": trace.device,
+            "global_ids": dict(trace.global_ids),
             "recorded_at": trace.recorded_at.isoformat() if trace.recorded_at else None,
         }
         self._file.write(json.dumps(words).encode() + b"\n")
@@ -63,6 +64,7 @@ class Spool:
             trace = Trace(
                 cells=tuple(words["cells"]),
                 device=words["device"],
+                global_ids=words["global_ids"],
                 recorded_at=datetime.fromisoformat(moment) if moment else None,
                 **arrays,
             )

@@ -40,14 +40,12 @@ class Drive:
     Attributes:
         name: The file's name for it with the number of its part, for messages and keys.
         dropped: Readings left out while its rows became samples, by reason.
-        global_ids: Global id of those of its cells for which the file tells one.
         speed_mps, accuracy_m: As the device told them, a number a sample; NaN = not told.
     """
 
     name: str
     trace: Trace
     dropped: Mapping[str, int]
-    global_ids: Mapping[str, str]
     speed_mps: NDArray[np.float32]
     accuracy_m: NDArray[np.float32]
 
@@ -190,14 +188,12 @@ class Assembler:
         self._account.drives += 1
         begins = np.flatnonzero(np.diff(sample, prepend=-1))
         trace = self._trace(number, rows, sample, begins)
-        ids = self._labels.global_ids
         label = self._label(number)
         name = label.name or label.device or "drive"
         return Drive(
             name=name if one.given == 1 else f"{name}/{one.given}",
             trace=trace,
             dropped=dropped,
-            global_ids={cell: ids[cell] for cell in trace.cells if cell in ids},
             speed_mps=rows.speed_mps[begins],
             accuracy_m=rows.accuracy_m[begins],
         )
@@ -213,14 +209,17 @@ class Assembler:
         rsrp_dbm[sample, column[rows.cell]] = rows.rsrp_dbm
         start_s = float(rows.time_s[0])
         known = start_s >= EPOCH_LEAST_S
+        cells = tuple(self._cells[cell] for cell in heard.tolist())
+        ids = self._labels.global_ids
         return Trace(
-            cells=tuple(self._cells[cell] for cell in heard.tolist()),
+            cells=cells,
             time_s=rows.time_s[begins] - start_s,
             lon=rows.lon[begins],
             lat=rows.lat[begins],
             rsrp_dbm=rsrp_dbm,
             device=self._label(number).device,
             recorded_at=datetime.fromtimestamp(start_s, UTC) if known else None,
+            global_ids={cell: ids[cell] for cell in cells if cell in ids},
         )
 
     def _label(self, number: int) -> DriveLabel:

@@ -84,6 +84,7 @@ def insert_survey(
             cell_count=len(trace.cells),
             cells=list(trace.cells),
             dropped=dict(receipt.dropped),
+            global_ids=dict(trace.global_ids),
             time_s=pack(trace.time_s, F8),
             lon=pack(trace.lon, F8),
             lat=pack(trace.lat, F8),
@@ -199,6 +200,7 @@ def _trace(row: Row[tuple[object, ...]], part: slice) -> Trace:
         device=stored["device"],
         recorded_at=stored["recorded_at"],
         reference_cell=stored["reference_cell"],
+        global_ids=stored["global_ids"],
     )
 
 

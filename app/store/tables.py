@@ -13,7 +13,7 @@ from sqlalchemy import Boolean, Column, Float, ForeignKey, Integer, LargeBinary,
 
 from app.store.columns import UtcMoment
 
-SCHEMA_REVISION = "0003"  # of the newest file in migrations/versions: a start without Alembic
+SCHEMA_REVISION = "0004"  # of the newest file in migrations/versions: a start without Alembic
 
 metadata = sa.MetaData(
     naming_convention={
@@ -69,6 +69,7 @@ surveys = Table(
     Column("cell_count", Integer, nullable=False),
     Column("cells", sa.JSON, nullable=False),
     Column("dropped", sa.JSON, nullable=False),
+    Column("global_ids", sa.JSON, nullable=False, server_default="{}"),  # of some cells
     Column("time_s", LargeBinary, nullable=False),
     Column("lon", LargeBinary, nullable=False),
     Column("lat", LargeBinary, nullable=False),

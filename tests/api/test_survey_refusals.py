@@ -71,6 +71,7 @@ REFUSALS: list[tuple[str, list[Change], set[str], str]] = [
     ("duplicate cells", [item("cells", 1, "850:293")], {"/cells/1"}, "stands at /cells/0"),
     ("empty cell", [item("cells", 1, "")], {"/cells/1"}, "at least 1 character"),
     ("control character", [item("cells", 1, "850\x00")], {"/cells/1"}, "pattern"),
+    ("name of no cell", [put("global_ids", {"1:1": "262-01-5387"})], {"/global_ids/1:1"}, "not in /cells"),
     ("no cells", [put("cells", []), put("rsrp_dbm", [[], [], []])], {"/cells"}, "no cell"),
     ("falling time", [item("time_s", 2, 0.5)], {"/time_s/2"}, "0.5 s after 1 s"),
     ("east of the earth", [item("lon", 2, 180.5)], {"/lon/2"}, "180.5"),

@@ -138,7 +138,9 @@ def test_android_apps_upload_straight_in(service: Service):
     (survey,) = service.client.get("/v1/surveys").json()["surveys"]
     assert (survey["samples"], survey["device"]) == (4, "NeoStumbler/2.0")
     assert survey["build_id"]
-    assert samples_of(service, survey["id"])["cells"] == ["2850:325"]
+    stored = samples_of(service, survey["id"])
+    assert stored["cells"] == ["2850:325"]
+    assert stored["global_ids"] == {"2850:325": "262-01-5387"}
 
 
 @pytest.mark.parametrize(

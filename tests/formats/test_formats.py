@@ -45,7 +45,7 @@ def test_a_cell_keeps_its_global_id_beside_its_key(read, name):
     """``mcc-mnc-eci``, with the zeros of the MNC where the file has them."""
     mnc = "1" if name == "network-survey-json" else "01"  # whole numbers lose their zeros
     (drive,) = read(samples.ALL[name]).drives
-    assert drive.global_ids[SHORT] == f"262-{mnc}-5387"
+    assert drive.trace.global_ids[SHORT] == f"262-{mnc}-5387"
 
 
 @pytest.mark.parametrize("name", sorted(set(samples.ALL) - {"geosubmit", "gnettrack-kml"}))
@@ -231,7 +231,7 @@ def test_nr_has_its_own_range(read):
     ]
     found = read(json.dumps(nr))
     assert found.drives[0].trace.cells == ("630000:325",)
-    assert found.drives[0].global_ids == {"630000:325": "262-1-68719476735"}
+    assert found.drives[0].trace.global_ids == {"630000:325": "262-1-68719476735"}
     with pytest.raises(WrongFile, match=reasons.OUT_OF_RANGE):
         read(json.dumps([samples.message(i, rsrp=-150.0) for i in range(3)]))
 

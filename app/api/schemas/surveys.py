@@ -46,6 +46,11 @@ class SurveyRequest(BaseModel):
     cells: list[SurveyCell] = Field(
         fail_fast=True, description="Cell ids, one a column of `rsrp_dbm`."
     )
+    global_ids: dict[SurveyCell, SurveyCell] | None = Field(
+        default=None,
+        description="What some of `cells` are called worldwide; kept, and nothing is matched by it.",
+        examples=[{"850:293": "310-410-26385408"}],
+    )
     time_s: Numbers = Field(description="Seconds, non-decreasing, any origin.")
     lon: Numbers = Field(description="WGS 84, degrees east.")
     lat: Numbers = Field(description="WGS 84, degrees north.")
@@ -114,6 +119,7 @@ class SurveySamples(BaseModel):
     recorded_at: AwareDatetime | None
     reference_cell: str | None
     cells: list[str]
+    global_ids: dict[str, str] = Field(description="What some of `cells` are called worldwide.")
     time_s: list[float]
     lon: list[float]
     lat: list[float]
