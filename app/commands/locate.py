@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -12,10 +13,10 @@ from rich.table import Table
 
 from app.commands.console import Url, open_target, out, reported
 from app.commands.settings import DataDir
-from app.commands.target import Document, window_document
+from app.commands.target import Document, Target, window_document
 from app.domain import Trace, Window
 from app.evaluation.tidy import Account, BadTable, read_passes
-from app.numerics.geodesy import distance_m
+from app.numerics.geodesy import Floats, distance_m
 
 TAIL_M = 200.0
 
@@ -31,26 +32,40 @@ def locate(
         ),
     ],
     length_m: Annotated[
-        float, typer.Option(help="How much of a drive's end is the window, metres.")
+        float, typer.Option(help="How much of a drive is a window, metres.")
     ] = TAIL_M,
     url: Url = None,
     data: DataDir = None,
     *,
+    track: Annotated[
+        bool,
+        typer.Option("--track", help="Follow a CSV drive window by window, not its end alone."),
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print the answer as it came.")] = False,
 ) -> None:
     """
     Locate one window and print where its last sample was.
 
     The way of a CSV drive is measured along its own positions; nothing else is taken from them.
+    With --track the whole drive is followed, each window in the light of those before it.
     """
     with reported():
-        document = _read_window(file, length_m)
+        documents = _read_drive(file, length_m) if track else [_read_window(file, length_m)]
     with open_target(url, data) as target:
-        fix = target.locate(document)
+        fixes = _follow(target, documents) if track else [target.locate(documents[0])]
     if json:
-        typer.echo(orjson.dumps(fix, option=orjson.OPT_INDENT_2).decode())
+        answer = fixes if track else fixes[0]
+        typer.echo(orjson.dumps(answer, option=orjson.OPT_INDENT_2).decode())
     else:
-        out.print(_table(fix))
+        out.print(_tracked_table(fixes) if track else _table(fixes[0]))
+
+
+def _follow(target: Target, documents: Sequence[Document]) -> list[Document]:
+    fixes: list[Document] = []
+    for document in documents:
+        state = fixes[-1]["state"] if fixes else None
+        fixes.append(target.locate({**document, "state": state}))
+    return fixes
 
 
 def _read_window(file: Path, length_m: float) -> Document:
@@ -61,20 +76,58 @@ def _read_window(file: Path, length_m: float) -> Document:
         except orjson.JSONDecodeError as error:
             raise BadTable(f"{file}: no JSON: {error}") from error
         return document
+    trace = _last_drive(file, text)
+    way_m = _way_m(trace)
+    return _document(trace, way_m, float(way_m[-1]), length_m)
+
+
+def _read_drive(file: Path, length_m: float) -> list[Document]:
+    """A drive's windows back to back, their `distance_m` running on as one odometer."""
+    trace = _last_drive(file, file.read_text(encoding="utf-8-sig"))
+    way_m = _way_m(trace)
+    ends_m = np.arange(length_m, way_m[-1] + 1e-6, length_m)
+    return [_document(trace, way_m, end_m, length_m) for end_m in ends_m.tolist() or [way_m[-1]]]
+
+
+def _last_drive(file: Path, text: str) -> Trace:
     last = None
     for each in read_passes(text.splitlines(), Account()):
         last = each
     if last is None:
         raise BadTable(f"{file}: no row of it is a reading")
-    return window_document(_tail(last.trace, length_m))
+    return last.trace
 
 
-def _tail(trace: Trace, length_m: float) -> Window:
-    """The last metres of a drive, its way measured along its positions."""
+def _way_m(trace: Trace) -> Floats:
+    """The way so far, measured along the positions."""
     steps_m = distance_m(trace.lon[:-1], trace.lat[:-1], trace.lon[1:], trace.lat[1:])
-    way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-    part = slice(int(np.searchsorted(way_m, way_m[-1] - length_m)), None)
-    return Window(trace.cells, way_m[part] - way_m[part][0], trace.rsrp_dbm[part].astype(float))
+    return np.concatenate([[0.0], np.cumsum(steps_m)])
+
+
+def _document(trace: Trace, way_m: Floats, end_m: float, length_m: float) -> Document:
+    """The window of the last ``length_m`` before ``end_m``."""
+    last = max(int(np.searchsorted(way_m, end_m + 1e-6)), 1)
+    first = min(int(np.searchsorted(way_m, end_m - length_m)), last - 1)
+    part = slice(first, last)
+    return window_document(Window(trace.cells, way_m[part], trace.rsrp_dbm[part].astype(float)))
+
+
+def _tracked_table(fixes: Sequence[Document]) -> Table:
+    table = Table("road", "probable", "chainage", "accuracy", "position", "off the map")
+    for fix in fixes:
+        place, off_map = fix["position"], f"{fix['off_map_posterior']:.3f}"
+        if place is None:
+            table.add_row("-", "", "", "", "", off_map)
+            continue
+        table.add_row(
+            fix["road"]["id"],
+            f"{fix['road']['posterior']:.3f}",
+            f"{place['chainage_m']:.1f} m, {place['direction']}",
+            f"{fix['accuracy_m']:.1f} m",
+            f"{place['lat']:.6f}, {place['lon']:.6f}",
+            off_map,
+        )
+    return table
 
 
 def _table(fix: Document) -> Table:
