@@ -124,11 +124,13 @@ class Account:
 
     def summary(self) -> str:
         """All drops in one sentence."""
-        told = [
-            f"{count} rows: {reason} (line {self.places(reason)})"
-            for reason, count in self.dropped.most_common()
-        ]
+        told = [self.sentence(reason) for reason, _ in self.dropped.most_common()]
         return "; ".join(told) or "no rows"
+
+    def sentence(self, reason: str) -> str:
+        """One reason with its count and its first lines."""
+        count = self.dropped[reason]
+        return f"{count} {'row' if count == 1 else 'rows'}: {reason} (line {self.places(reason)})"
 
 
 def refuse_if_broken(account: Account) -> None:
@@ -141,9 +143,7 @@ def refuse_if_broken(account: Account) -> None:
     if not account.faults:
         return
     reasons = [reason for reason in account.dropped if reason in FAULTS]
-    told = [
-        f"{account.dropped[each]} rows: {each} (line {account.places(each)})" for each in reasons
-    ]
+    told = [account.sentence(each) for each in reasons]
     error = BrokenFile("; ".join(told))
     error.faults = [
         Fault(f"/lines/{account.lines[each][0]}", sentence)
