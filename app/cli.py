@@ -22,11 +22,16 @@ COMMANDS: dict[str, str] = {
     "import": "app.commands.import_",
     "build": "app.commands.build",
     "locate": "app.commands.locate",
+    "roads": "app.commands.roads",
     "simulate": "app.commands.simulate",
     "evaluate": "app.commands.evaluate",
     "openapi": "app.commands.openapi",
 }
-"""Subcommand -> the module whose function of that name it runs. Add a line to add a subcommand."""
+"""
+Subcommand -> the module whose function, or group of functions, of that name it runs.
+
+Add a line to add a subcommand.
+"""
 
 
 class LazyGroup(TyperGroup):
@@ -41,8 +46,11 @@ class LazyGroup(TyperGroup):
         if cmd_name not in COMMANDS:
             return None
         module = importlib.import_module(COMMANDS[cmd_name])
+        command = getattr(module, _function_name(cmd_name))
+        if isinstance(command, typer.Typer):  # a group of its own
+            return typer.main.get_command(command)
         single = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        single.command(cmd_name)(getattr(module, _function_name(cmd_name)))
+        single.command(cmd_name)(command)
         return typer.main.get_command(single)
 
 

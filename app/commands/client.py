@@ -10,6 +10,7 @@ from typing import Any, Self
 from urllib.parse import quote
 
 import httpx
+import numpy as np
 import orjson
 
 from app.commands.target import (
@@ -17,11 +18,13 @@ from app.commands.target import (
     Document,
     Posted,
     Refused,
+    RoadView,
     Unreachable,
     road_document,
     survey_document,
 )
-from app.domain import Road, Trace
+from app.domain import Line, Road, Trace
+from app.numerics.lines import length_m
 
 TIMEOUT_S = 60.0  # storing a long drive on a busy disk
 POLL_S = 0.5
@@ -52,6 +55,27 @@ class HttpTarget:
     def put_road(self, road: Road) -> None:
         """Create a road, or set its name and line."""
         self._send("PUT", f"/v1/roads/{quote(road.road_id, safe='')}", road_document(road))
+
+    def list_roads(self) -> Iterator[RoadView]:
+        """All roads by id, as the active map has them."""
+        cursor: str | None = None
+        while True:
+            place = "" if cursor is None else f"&cursor={quote(cursor, safe='')}"
+            page = self._send("GET", f"/v1/roads?limit=1000{place}").json()
+            for road in page["roads"]:
+                line = road["line"]
+                at = np.array(line["coordinates"] if line else [], dtype=float)
+                drawn_m = length_m(Line(at[:, 0], at[:, 1])) if len(at) else None
+                yield RoadView(
+                    road["id"],
+                    road["name"],
+                    drawn_m if road["length_m"] is None else road["length_m"],
+                    road["survey_count"],
+                    road["pass_count"],
+                )
+            cursor = page["next_cursor"]
+            if cursor is None:
+                return
 
     def post_survey(self, document: Document, key: str | None) -> Posted:
         """Store one survey, without building."""

@@ -15,15 +15,16 @@ from app.api.faults import invalid_input
 from app.api.schemas.locate import LocateRequest
 from app.api.state import Limits
 from app.api.surveys import Described, trace_of_json
-from app.commands.target import BuildView, Document, Posted, Refused
+from app.commands.target import BuildView, Document, Posted, Refused, RoadView
 from app.domain import Road, Trace
 from app.errors import NoMap, RoadprintError
 from app.numerics.index import MapIndex
+from app.numerics.lines import length_m
 from app.services.builds import BuildState, get_build, request_build
 from app.services.ingest import accept_survey
 from app.services.keys import state_key
 from app.services.publish import MapHolder
-from app.services.roads import put_road
+from app.services.roads import list_roads, put_road
 from app.services.supervisor import start_worker_process
 from app.settings import Settings
 from app.store.engine import create_store_engine
@@ -63,6 +64,24 @@ class LocalTarget:
     def put_road(self, road: Road) -> None:
         """Create a road, or set its name and line."""
         put_road(self._engine, road)
+
+    def list_roads(self) -> Iterator[RoadView]:
+        """All roads by id, as the active map has them."""
+        cursor: str | None = None
+        while True:
+            page = list_roads(self._engine, limit=1000, cursor=cursor)
+            for road in page.items:
+                drawn_m = None if road.line is None else length_m(road.line)
+                yield RoadView(
+                    road.road_id,
+                    road.name,
+                    drawn_m if road.length_m is None else road.length_m,
+                    road.survey_count,
+                    road.pass_count,
+                )
+            cursor = page.next_cursor
+            if cursor is None:
+                return
 
     def post_survey(self, document: Document, key: str | None) -> Posted:
         """Store one survey, checked as the API checks it, without building."""

@@ -63,11 +63,25 @@ class BuildView:
         return self.status in TERMINAL
 
 
+@dataclass(frozen=True, slots=True)
+class RoadView:
+    """A road as a command lists it; ``length_m`` is None while nobody drew or built it."""
+
+    road_id: str
+    name: str | None
+    length_m: float | None
+    survey_count: int
+    pass_count: int
+
+
 class Target(Protocol):
     """Everything the commands ask for. Every method may raise `Refused` or `Unreachable`."""
 
     def put_road(self, road: Road) -> None:
         """Create a road, or set its name and line."""
+
+    def list_roads(self) -> Iterator[RoadView]:
+        """All roads by id, as the active map has them."""
 
     def post_survey(self, document: Document, key: str | None) -> Posted:
         """Store one survey, without building. ``key`` makes a second post of it harmless."""
@@ -99,6 +113,7 @@ def survey_document(trace: Trace) -> Document:
         "device": trace.device,
         "recorded_at": trace.recorded_at.isoformat() if trace.recorded_at else None,
         "reference_cell": trace.reference_cell,
+        "global_ids": dict(trace.global_ids) or None,
     }
     return document | {name: value for name, value in told.items() if value is not None}
 
