@@ -18,7 +18,6 @@ from app.commands.spool import Spool
 from app.commands.target import Document, Refused, Target, survey_document
 from app.domain import Trace
 from app.errors import DuplicateSurvey
-from app.evaluation import tidy
 from app.evaluation.dataset import is_dataset, read_index, read_roads, stream_passes
 from app.formats.account import Account, WrongFile
 from app.formats.options import Options
@@ -188,8 +187,7 @@ def _take_dataset(target: Target, folder: Path, intake: Intake, bar: Progress) -
         if road.road_id in used:
             target.put_road(road)
     task = bar.add_task(f"{folder.name} (passes)", total=surveys)
-    account = tidy.Account()
-    for each in stream_passes(folder, account):
+    for each in stream_passes(folder, intake.account):
         intake.passes += 1
         entry = index.get(each.pass_id)
         if entry is None:
@@ -201,7 +199,6 @@ def _take_dataset(target: Target, folder: Path, intake: Intake, bar: Progress) -
             key = f"{folder.resolve().name}/{each.pass_id}"
             _post(target, survey_document(trace), key, intake)
             bar.advance(task)
-    intake.account.merge(Account(account.rows, account.samples, dropped=account.dropped))
 
 
 def _take_json(

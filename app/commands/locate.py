@@ -15,7 +15,8 @@ from app.commands.console import Url, open_target, out, reported
 from app.commands.settings import DataDir
 from app.commands.target import Document, Target, window_document
 from app.domain import Trace, Window
-from app.evaluation.tidy import Account, BadTable, read_passes
+from app.evaluation.tidy import BadTable, read_passes
+from app.formats.account import Account
 from app.numerics.geodesy import Floats, distance_m
 
 TAIL_M = 200.0

@@ -20,7 +20,8 @@ import numpy as np
 
 from app.domain import Direction, Line, Road, Trace
 from app.errors import RoadprintError
-from app.evaluation.tidy import Account, Pass, read_passes
+from app.evaluation.tidy import Pass, read_passes
+from app.formats.account import Account
 from app.numerics.lines import length_m
 
 ROADS = "roads.geojson"

@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from app.domain import Direction, Line, Trace, Window
 from app.evaluation.dataset import BadDataset, read_index, read_roads, stream_passes
-from app.evaluation.tidy import Account
 from app.evaluation.truth import Labelled, Truth
+from app.formats.account import Account
 from app.numerics.lines import point_at, project
 
 

@@ -21,7 +21,8 @@ from app.evaluation.dataset import BadDataset, is_dataset, read_index, read_road
 from app.evaluation.passes import Drive, drive_of
 from app.evaluation.route import follow, odometer_m
 from app.evaluation.route_line import draw_line
-from app.evaluation.tidy import Account, read_passes
+from app.evaluation.tidy import read_passes
+from app.formats.account import Account
 from app.numerics.geodesy import Floats
 from app.numerics.lines import point_at
 

@@ -18,9 +18,9 @@ from jaxtyping import Float
 
 from app.domain import LTE_RSRP_RANGE_DBM, Trace
 from app.errors import RoadprintError
-
-FILLERS_DBM = frozenset({-30.0, 127.0, 2147483647.0})  # what tools write for "not measured"
-EPOCH_LEAST_S = 1e8  # smaller times count from the pass's start, larger ones from 1970
+from app.formats.account import Account
+from app.formats.rows import FILLERS_DBM
+from app.formats.values import EPOCH_LEAST_S
 
 
 class BadTable(RoadprintError):
@@ -28,15 +28,6 @@ class BadTable(RoadprintError):
 
     code = "bad-table"
     title = "The file is no table of readings"
-
-
-@dataclass(slots=True)
-class Account:
-    """What became of a file's rows; ``dropped`` counts readings left out, by reason."""
-
-    rows: int = 0
-    samples: int = 0
-    dropped: Counter[str] = field(default_factory=Counter)
 
 
 @dataclass(frozen=True, slots=True)

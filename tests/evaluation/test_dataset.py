@@ -21,7 +21,7 @@ from app.evaluation.dataset import (
 )
 from app.evaluation.scenario import build_city, preset
 from app.evaluation.simulated import city_passes
-from app.evaluation.tidy import Account
+from app.formats.account import Account
 from app.numerics.geodesy import distance_m
 
 CITY = build_city(preset("paper"), 11)

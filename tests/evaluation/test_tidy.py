@@ -7,7 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from app.evaluation.tidy import Account, BadTable, read_passes
+from app.evaluation.tidy import BadTable, read_passes
+from app.formats.account import Account
 
 HEADER = "pass_id,timestamp_s,lat,lon,cell_id,rsrp_dbm,serving"
 
