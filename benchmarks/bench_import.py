@@ -107,7 +107,7 @@ def measured(name: str, command: list[str], rows: int) -> None:
 def main() -> None:
     """Make the file, measure, print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--megabytes", type=int, default=500)
+    parser.add_argument("--megabytes", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--read", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--plain", action="store_true", help=argparse.SUPPRESS)

@@ -207,9 +207,11 @@ def _take_json(
     """A survey as ``POST /v1/surveys`` takes it."""
     intake.passes += 1
     try:
-        document: Document = orjson.loads(source.read())
+        document: Document | list[object] = orjson.loads(source.read())
     except orjson.JSONDecodeError as error:
         raise WrongFile(f"no JSON: {error}") from error
+    if not isinstance(document, dict):
+        raise WrongFile("a survey in JSON is one object")
     if road_id is not None:
         document["road_id"] = road_id
     samples = document.get("time_s")

@@ -19,6 +19,14 @@ def whole(text: str | None) -> int | None:
     return int(number) if number.is_integer() else None
 
 
+def technology(text: str | None) -> bool | None:
+    """Whether a radio is NR (``5G``, ``NR NSA``) or not (``4G``, ``LTE+``); None for all others."""
+    word = (text or "").strip().lower()
+    if word.startswith(("4g", "lte")):
+        return False
+    return True if word.startswith(("5g", "nr")) else None
+
+
 def short_key(earfcn: int | None, pci: int | None) -> str | None:
     """``earfcn:pci``; None unless both are real. EARFCN 0 is what old Androids write for none."""
     if earfcn is None or pci is None:

@@ -8,7 +8,14 @@ from collections.abc import Iterator, Mapping
 from typing import BinaryIO
 
 from app.formats.account import NO_CELL, NOT_LTE_OR_NR, Account
-from app.formats.cells import ABSENT, global_id, short_key, split_operator, whole
+from app.formats.cells import (
+    ABSENT,
+    global_id,
+    short_key,
+    split_operator,
+    technology,
+    whole,
+)
 from app.formats.options import Options
 from app.formats.rows import DriveLabel, Fix, Labels, RowList, Rows
 from app.formats.table import Block, Layout, read_blocks
@@ -16,7 +23,6 @@ from app.formats.values import MPS_PER_KMH, UNREADABLE, local_time_s, number
 
 TIMES = ("timestamp", "times", "time")
 LEVELS = ("level", "rxlev")
-TECHNOLOGIES = {"4g": False, "lte": False, "5g": True, "nr": True, "5g sa": True, "5g nsa": True}
 SERVING = ("longitude", "latitude", "operator", "node", "cellid", "networktech", "arfcn", "psc",
            "speed", "accuracy", "imei", *TIMES, *LEVELS)  # fmt: skip
 NEIGHBOUR = ("ntech", "ncell", "ncellid", "narfcn", "nrxlev")
@@ -93,11 +99,6 @@ def digest_of(imei: str | None) -> str | None:
     if imei is None or imei.strip().lower() in ABSENT:
         return None
     return "phone-" + hashlib.sha256(imei.strip().encode()).hexdigest()[:12]
-
-
-def technology(text: str | None) -> bool | None:
-    """Whether it is NR; None for 2G, 3G and no network."""
-    return TECHNOLOGIES.get((text or "").strip().lower())
 
 
 def add_serving(found: RowList, fix: Fix, told: Record, labels: Labels, *, nr: bool) -> None:

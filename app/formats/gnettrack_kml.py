@@ -9,8 +9,8 @@ from typing import BinaryIO
 from xml.etree import ElementTree as ET
 
 from app.formats.account import NOT_A_RECORD, NOT_LTE_OR_NR, UNKNOWN_UNIT, Account, BrokenFile
-from app.formats.cells import global_id, short_key, whole
-from app.formats.gnettrack import ECI_PER_ENB, digest_of, technology
+from app.formats.cells import global_id, short_key, technology, whole
+from app.formats.gnettrack import ECI_PER_ENB, digest_of
 from app.formats.options import Options
 from app.formats.rows import DriveLabel, Fix, Labels, RowList, Rows
 from app.formats.values import MPS_PER_KMH, UNREADABLE, measure, moment_s

@@ -9,7 +9,7 @@ from typing import BinaryIO
 import numpy as np
 
 from app.formats.account import NOT_LTE_OR_NR, Account
-from app.formats.cells import global_id, short_key, whole
+from app.formats.cells import ABSENT, global_id, short_key, technology, whole
 from app.formats.options import Options
 from app.formats.rows import UNKNOWN, DriveLabel, Labels, Rows
 from app.formats.table import Block, Layout, read_blocks
@@ -18,8 +18,6 @@ from app.formats.values import moment_s, number
 NEEDED = ("mcc", "mnc", "lat", "lon", "signal", "measured_at")
 IDENTITIES = ("cellid", "cell_id")
 AGGREGATE = frozenset({"range", "samples", "changeable"})  # of a list of cells
-RADIOS = {"lte": False, "lte+": False, "lte-a": False, "lteca": False, "lte_ca": False,
-          "4g": False, "nr": True, "5g": True, "nrnsa": True, "nr_nsa": True}  # fmt: skip
 WANTED = (*NEEDED, *IDENTITIES, "lac", "tac", "pci", "psc", "rating", "speed", "act", "radio",
           "earfcn", "arfcn", "devn")  # fmt: skip
 
@@ -35,19 +33,19 @@ def read(source: BinaryIO, layout: Layout, options: Options, account: Account,
     if not {"earfcn", "arfcn"} & set(layout.names):
         account.note("cells are named by global id: the file tells no EARFCN")
     for block in read_blocks(source, layout, WANTED, account):
-        radio = [
-            _radio(act or radio)
-            for act, radio in zip(block.texts("act"), block.texts("radio"), strict=True)
-        ]
+        told = (block.texts(name) for name in ("act", "radio", "pci"))
+        radio = [_radio(act or radio, pci) for act, radio, pci in zip(*told, strict=True)]
         known = np.array([each is not None for each in radio], bool)
         account.drop(NOT_LTE_OR_NR, block.lines[~known])
         nr = np.array([bool(each) for each in radio], bool)
         yield _rows(block, nr, options, labels).take(known)
 
 
-def _radio(text: str | None) -> bool | None:
-    """Whether it is NR; None for 2G, 3G and rows that do not say."""
-    return RADIOS.get((text or "").strip().lower())
+def _radio(told: str | None, pci: str | None) -> bool | None:
+    """Whether a row is NR; None for 2G and 3G. A row that does not say and has a PCI is LTE's."""
+    if told is None or told.strip().lower() in ABSENT:
+        return None if whole(pci) is None else False
+    return technology(told)
 
 
 def _rows(block: Block, nr: np.ndarray, options: Options, labels: Labels) -> Rows:

@@ -63,6 +63,8 @@ def sniff(source: BinaryIO, wanted: str | None = None) -> Sniffed:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if not text:
         raise WrongFile("the file is empty")
+    if head.startswith(b"\x1f\x8b"):
+        raise WrongFile("the body is gzipped; say so by Content-Encoding: gzip")
     if head.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in head:
         raise WrongFile("the file is no UTF-8 text (UTF-16, or no text at all)")
     if text.startswith(b"<"):

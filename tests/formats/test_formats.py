@@ -89,6 +89,7 @@ def test_neighbours_of_a_gnettrack_log_are_keyed_by_arfcn_and_pci(read):
     [
         ({"NetworkTech": "3G"}, reasons.NOT_LTE_OR_NR),
         ({"NetworkTech": "--"}, reasons.NOT_LTE_OR_NR),
+        ({"NetworkTech": "4G+", "Level": -145}, reasons.OUT_OF_RANGE),
         ({"Level": -340}, reasons.OUT_OF_RANGE),
         ({"Level": -24}, reasons.OUT_OF_RANGE),
         ({"Level": -30}, reasons.FILLER),
@@ -177,6 +178,7 @@ def test_a_file_cut_short_gives_what_came_before_on_demand(read, text, complaint
         ('{"items": 3}', "list of reports"),
         ("a,b\0", "no UTF-8"),
         (b"\xff\xfea\0", "UTF-16"),
+        (b"\x1f\x8b\x08", "Content-Encoding"),
         ("time_s,lon,lat,lat,cell_id,rsrp_dbm\n1,2,3,3,a,-90\n", "twice"),
         ("time_s,lon,lat,cell_id,rsrp_dbm\n", "no drive in it: no rows"),
         ("time_s,lon,lat,cell_id,rsrp_dbm\n1,2,3,a,-30\n", "filler"),
@@ -207,6 +209,14 @@ def test_writers_of_opencellid_differ_in_their_columns_only(read):
     assert other.trace.device == "phone"
     assert mine.trace.cells == other.trace.cells == (GLOBAL,)
     assert np.isnan(mine.speed_mps).all()  # -2000 is none
+
+
+def test_a_measurement_that_tells_no_radio_is_of_lte_when_it_has_a_pci(read):
+    """Older writers have no ``act``; 2G and 3G have no PCI."""
+    rows = [samples.opencellid_row(i, act="", pci=325 if i < 3 else "") for i in range(4)]
+    found = read(samples.OPENCELLID_NAMES + "\n" + "".join(rows))
+    assert found.account.samples == 3
+    assert found.account.dropped == {reasons.NOT_LTE_OR_NR: 1}
 
 
 def test_units_are_converted(read):
