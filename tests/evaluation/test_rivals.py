@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from app.domain import Direction, Window
-from app.evaluation.methods import METHODS, Place, Previous, cfels, gift, paper, rwknn
+from app.evaluation.methods import METHODS, Estimate, Place, Previous, cfels, gift, paper, rwknn
 from app.evaluation.methods.paper_map import GradientVariance, draw_atlas, features
 from app.evaluation.methods.references import lay_references, recent_mean_dbm
-from app.evaluation.methods.tuning import split
+from app.evaluation.methods.tuning import choose, split
 
 SEED = 3
 
@@ -189,6 +189,27 @@ def test_passes_are_held_out_whole_where_a_road_has_several(lab):
     assert [len(each.lon) for each in held] == [len(one.traces[0].lon)]
     assert len(train.traces) == 5
     assert held[0] is six.traces[-1]
+
+
+def test_parameters_are_chosen_on_every_road_both_ways(lab):
+    """Held-out windows cover all roads and directions, a few in a row of each drive."""
+    streets = [lab.street(name, 80.0 * i, lab.wave(i)) for i, name in enumerate("abc")]
+    survey = lab.survey(*streets)
+    seen, remembered = set(), []
+
+    class Watcher:
+        def locate(self, window, previous):
+            remembered.append(previous is not None)
+            seen.add(tuple(np.round(window.rsrp_dbm[-1], 1)))
+            return Estimate("a", 0.0, 11.5, 48.1)
+
+    def fit(train, choice):
+        return Watcher()
+
+    assert choose((1, 2), fit, survey, 5) == 1
+    assert sum(remembered) >= len(remembered) // 2  # two of three go on from the one before
+    assert len(remembered) == 2 * 2 * 6 * 3  # choices, protocols, streets both ways, in a row
+    assert len(seen) > 20
 
 
 def test_paper_masks_keep_at_least_one_feature_of_every_stretch(waves, lab):
