@@ -60,10 +60,11 @@ def condense(places: Places, mass: Float[np.ndarray, " places"], off_map: float)
         mass: Of each place, summing to 1.
         off_map: Probability of being off the map.
     """
-    key = places.road * 2 + (places.sign < 0)
-    chainage_m, left = places.chainage_m, np.where(mass > LIGHTEST * 1e-2, mass, 0.0)
+    matter = (mass > LIGHTEST * 1e-2).nonzero()[0]
+    road, sign, chainage_m = places.road[matter], places.sign[matter], places.chainage_m[matter]
+    key, left = road * 2 + (sign < 0), mass[matter].copy()
     modes: list[Mode] = []
-    while len(modes) < MOST_MODES:
+    while len(modes) < MOST_MODES and len(left):
         peak = int(left.argmax())
         reach_m = MODE_REACH_M if len(modes) < SHARP_MODES else BROAD_REACH_M
         near = (key == key[peak]) & (np.abs(chainage_m - chainage_m[peak]) <= reach_m)
@@ -75,8 +76,8 @@ def condense(places: Places, mass: Float[np.ndarray, " places"], off_map: float)
         mean_m = float(share @ chainage_m[near]) / weight
         spread_m2 = float(share @ (chainage_m[near] - mean_m) ** 2) / weight
         sd_m = max(float(np.sqrt(spread_m2)), LEAST_SD_M)
-        road, sign = places.where[:, peak].tolist()
-        modes.append(Mode(road, sign, mean_m, sd_m, weight * (1.0 - off_map)))
+        on_map = weight * (1.0 - off_map)
+        modes.append(Mode(int(road[peak]), int(sign[peak]), mean_m, sd_m, on_map))
         left[near] = 0.0
     modes.sort(key=lambda mode: -mode.weight)
     placed = sum(mode.weight for mode in modes)

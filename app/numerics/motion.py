@@ -18,7 +18,7 @@ from app.numerics.index import MapIndex
 ODOMETER_ERROR = 0.02  # of the way: tyres, slip, wheel counts; phones that integrate speed
 FLOOR_M = 1.0  # of a step: the readings' clock against the odometer's
 MAP_ERROR_REACH_M = 150.0  # over which the map's errors of position are alike
-TURN = 0.03  # of the vehicles at a junction take each way off; few, see docs/algorithms/tracking.md
+TURN = 0.02  # of the vehicles at a junction take each way off; few, see docs/algorithms/tracking.md
 SHARP = 0.2  # how much less a way back at an acute angle is taken
 AHEAD = 8.0  # how much rather a vehicle at a road's end goes straight on than turns
 LEAVE_AT_END = 0.1  # of the vehicles at a road's end go where the map has no road
