@@ -248,7 +248,7 @@ def test_reliability_counts_what_was_said_and_what_was_right():
 def row(method, mde_m, delay_ms, road_rate):
     return {
         "experiment": "cells", "protocol": "anywhere", "label": "2", "method": method,
-        "mde_m": mde_m, "mde_low_m": mde_m, "mde_high_m": mde_m,
+        "mde_m": mde_m, "mde_low_m": mde_m, "mde_high_m": mde_m, "median_m": mde_m,
         "median_delay_ms": delay_ms, "road_rate": road_rate,
     }  # fmt: skip
 
@@ -257,8 +257,9 @@ def test_the_verdict_names_who_is_better():
     """Lower MDE or delay of a method that finds the road as often is said plainly."""
     ours = row("roadprint", 1.0, 0.5, 0.99)
     found = verdict.judge([ours, row("gift", 0.8, 5.0, 0.99), row("paper", 90.0, 0.2, 0.5)])
-    assert [each.wins for each in found] == [False, True]
+    assert [each.wins for each in found] == [False, False, True]
     assert "gift has a lower MDE, 0.8 against 1 m" in found[0].text
+    assert "gift has a lower median error, 0.8 against 1 m" in found[1].text
 
 
 def test_a_fast_guess_is_no_rival():

@@ -82,7 +82,7 @@ def verdict(findings: Sequence[Finding]) -> str:
     head = (
         f"<p>Compared with every method that reaches 95 % of its road rate, roadprint has the "
         f"lowest figure in <b class='yes'>{won} of {len(findings)}</b> comparisons "
-        f"(MDE and median delay at every point).</p>"
+        f"(MDE, median error and median delay at every point).</p>"
     )
     if not lost:
         return head + "<p>There is none that it loses.</p>"

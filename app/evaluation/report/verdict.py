@@ -25,7 +25,7 @@ class Finding:
 
 
 def judge(rows: Sequence[Row]) -> list[Finding]:
-    """A finding for each point and figure: lowest MDE, lowest delay, among comparable methods."""
+    """For each point a finding on MDE, median error and delay, among comparable methods."""
     findings = []
     names = dict.fromkeys((row["experiment"], row["protocol"], row["label"]) for row in rows)
     for experiment, protocol, label in names:
@@ -40,6 +40,7 @@ def judge(rows: Sequence[Row]) -> list[Finding]:
         place = f"{experiment} {label}, {protocol}"
         rivals = comparable(here, ours)
         findings.append(_least(place, ours, rivals, "mde_m", "MDE", "m"))
+        findings.append(_least(place, ours, rivals, "median_m", "median error", "m"))
         findings.append(_least(place, ours, rivals, "median_delay_ms", "median delay", "ms"))
     return findings
 
@@ -54,7 +55,7 @@ def _least(
     place: str, ours: Row, rivals: Sequence[Row], column: str, what: str, unit: str
 ) -> Finding:
     mine = float(ours[column])
-    slack = SAME_M if column == "mde_m" else 0.0
+    slack = SAME_M if unit == "m" else 0.0
     better = [row for row in rivals if float(row[column]) < mine - slack]
     if not better:
         return Finding(True, f"{place}: lowest {what}, {mine:.3g} {unit}")
