@@ -17,7 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from app.domain import Calibration, Road, RoadModel, Trace
 from app.errors import CannotBuildRoad, NotEnoughSamples
-from app.store import builds, models, roads, surveys, versions
+from app.store import builds, drives, models, roads, surveys, versions
 from app.store.engine import read, write
 from app.store.records import RoadOutcome
 
@@ -141,7 +141,8 @@ def _fit_and_store(engine: Engine, fit: FitRoad, build_id: str, road_id: str) ->
         passes = surveys.select_passes(connection, road_id)
         active = versions.active_version(connection)
         mapped = versions.model_of(connection, active, road_id) is not None
-    if not passes and mapped:
+        made = bool(drives.found_among(connection, [road_id]))
+    if not passes and (mapped or made):  # a road that drives made goes when they lie elsewhere
         _close(engine, build_id, road_id, RoadOutcome("gone"))
         return
     if not passes:

@@ -124,7 +124,7 @@ def _without_stops(xy_m: Floats, time_s: Floats) -> _Anchors:
     at = 0
     while at < len(xy_m):
         end = _stands_until(xy_m, at)
-        if time_s[end - 1] - time_s[at] >= STOP_S:
+        if time_s[end - 1] - time_s[at] >= STOP_S and _stays(xy_m[at:end]):
             places.append(np.median(xy_m[at:end], axis=0))
             first.append(at)
             last.append(end - 1)
@@ -136,8 +136,16 @@ def _without_stops(xy_m: Floats, time_s: Floats) -> _Anchors:
         at += 1
         while at < end and np.hypot(*(xy_m[at] - places[-1])) < THINNED_TO_M:
             at += 1
-    last[-1] = len(xy_m) - 1
+    if last[-1] == first[-1] > 0:  # the way ends where the car did, not some metres before
+        places[-1], first[-1], last[-1] = xy_m[-1], len(xy_m) - 1, len(xy_m) - 1
     return _Anchors(np.array(places), np.array(first), np.array(last))
+
+
+def _stays(xy_m: Floats) -> bool:
+    """Whether the later fixes lie where the earlier ones did: a crawling car moves on."""
+    half = len(xy_m) // 2
+    moved = xy_m[:half].mean(axis=0) - xy_m[-half:].mean(axis=0)
+    return math.hypot(*moved) <= STOP_M / 2.0
 
 
 def _stands_until(xy_m: Floats, at: int) -> int:

@@ -18,7 +18,7 @@ from app.numerics.geodesy import Floats
 from app.numerics.network.runs import Run
 from app.numerics.network.strokes import Strokes
 
-FEW = 0.1  # of the drives on the road that a spur belongs to
+FEW = 0.15  # of the drives on the road that a spur belongs to
 LONGEST_STEPS = 40  # 200 m: a longer way is a street, however few took it
 MOST = 2.0 / 3.0  # of a road's drives come to where it ends...
 MANY = 10.0  # ...if so many drives came at all

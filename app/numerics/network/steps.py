@@ -69,7 +69,7 @@ def piece_of(
         return None
     exact = _unrounded(xy_m, way_m, rounded_m)
     width_m = float(np.clip(SMOOTHED_OVER * _jitter_m(exact), *WIDTH_M))
-    even_m = np.arange(0.0, way_m[-1], STEP_M)
+    even_m = _even_m(way_m[-1])
     smooth = _smoothed(_at(even_m, way_m, exact), width_m)
     # A stop has two samples at one place: the way between them grows by a hair.
     twice_m = np.stack([way_m, way_m + 1e-6], axis=1).ravel()
@@ -77,7 +77,7 @@ def piece_of(
     smooth_m = _way_m(smooth)
     if smooth_m[-1] < SHORTEST_M:
         return None
-    steps_m = np.arange(0.0, smooth_m[-1], STEP_M)
+    steps_m = _even_m(smooth_m[-1])
     numbers = np.interp(steps_m, smooth_m, sample)
     numbers[0], numbers[-1] = first[0], last[-1]
     return Piece(drive, _at(steps_m, smooth_m, smooth), numbers)
@@ -98,6 +98,11 @@ def _unrounded(xy_m: Floats, way_m: Floats, rounded_m: Floats) -> Floats:
         known = [value[0], *((value[change] + value[change + 1]) / 2.0), value[-1]]
         exact[:, axis] = np.interp(way_m, known_m, known)
     return exact
+
+
+def _even_m(length_m: float) -> Floats:
+    """Both ends, and between them steps of `STEP_M` as nearly as they divide the length."""
+    return np.linspace(0.0, length_m, max(1, round(length_m / STEP_M)) + 1)
 
 
 def _way_m(xy_m: Floats) -> Floats:

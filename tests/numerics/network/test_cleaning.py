@@ -61,6 +61,14 @@ def test_a_standing_car_does_not_travel():
     assert piece.sample[-1] == len(stood) - 1
 
 
+def test_a_crawling_car_travels():
+    """At 1.2 m/s in a jam every sample is where it was, to some metres."""
+    crawl = way((0.0, 0.0), (300.0, 0.0), every_m=1.2)
+    (piece,) = clean(0, crawl, seconds(crawl))
+    at_m = np.interp(np.arange(len(crawl)), piece.sample, piece.xy_m[:, 0])
+    assert np.abs(at_m - crawl[:, 0]).max() < 8.0
+
+
 def test_a_gap_cuts_the_drive():
     """Nobody knows the way over 400 m without a fix: two pieces, nothing between."""
     far = np.concatenate([STREET[:30], STREET[75:]])
