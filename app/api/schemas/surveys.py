@@ -62,7 +62,9 @@ class OneSurveyAccepted(BaseModel):
 
     survey_id: str
     build_id: str | None
-    roads: list[str]
+    roads: list[str] = Field(
+        description="Those it certainly runs along; a build finds the rest of a loose drive."
+    )
     samples: int
     dropped: dict[str, int] = Field(description="Rows left out, by reason.")
 
