@@ -16,7 +16,10 @@ from app.numerics.network.strokes import cover
 
 
 def roads_of(
-    pieces: Sequence[Piece], seeds: Sequence[Floats] = (), given: Sequence[Floats] = ()
+    pieces: Sequence[Piece],
+    seeds: Sequence[Floats] = (),
+    given: Sequence[Floats] = (),
+    before: Sequence[Floats] = (),
 ) -> list[Floats]:
     """
     Centre lines of the roads that the pieces of drives run along.
@@ -28,17 +31,18 @@ def roads_of(
         seeds: Stretches that are roads already, in steps of some 5 m; what the pieces add to them
             is joined to them.
         given: Lines of given roads: the ends of roads are brought to them.
+        before: Lines of roads that were found before; where they are driven they stay roads.
 
     Returns:
         Polylines in local metres, each of shape ``(vertices, 2)``.
     """
     runs = cut_at_turns(pieces)
     contracted = contract(runs)
-    strokes = cover(runs, contracted, seeds)
+    strokes = cover(runs, contracted, seeds, before)
     followed = [strokes.under(run) for run in contracted]
     chains = Chains(strokes.lines)
     for link in straight_links(strokes, followed):
         chains.join_straight(link)
     for link in corner_links(strokes, pieces, runs, followed):
         chains.join_corner(link)
-    return finish(without_spurs(chains.lines, runs, contracted, seeds), given, seeds)
+    return finish(without_spurs(chains.lines, runs, contracted, seeds, before), given, seeds)

@@ -54,7 +54,8 @@ def find_roads(
         if road_id in sure
         for part in region.parts_outside(line)
     ]
-    named = name_lines(roads_of(loose, seeds, list(given.values())), found)
+    before = [line for road_id, line in found.items() if road_id in sure]
+    named = name_lines(roads_of(loose, seeds, list(given.values()), before), found)
     raw = {road.road_id for road in known if road.raw}
     lines: dict[str, Floats] = {}
     changed: dict[str, Line] = {}

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from app.numerics.geodesy import Floats
 from app.numerics.network.runs import Run
-from app.numerics.network.strokes import Strokes
+from app.numerics.network.strokes import Strokes, lies_on
 
 FEW = 0.15  # of the drives on the road that a spur belongs to
 LONGEST_STEPS = 40  # 200 m: a longer way is a street, however few took it
@@ -34,20 +34,29 @@ def without_spurs(
     runs: Sequence[Run],
     contracted: Sequence[Floats],
     seeds: Sequence[Floats] = (),
+    before: Sequence[Floats] = (),
 ) -> list[Floats]:
     """
     The chains, their ends cut back to where more than a few drives go, without short spurs.
 
-    What comes from seeds stays: the drives that made it are not at hand.
+    What comes from seeds stays, because the drives that made it are not at hand, and so does what
+    was a road ``before``.
     """
     lookup = Strokes()
     for line in chains:
         lookup.add(line)
     driven = _drives(lookup, runs, contracted)
-    for line, counts in zip(chains, driven, strict=True):
-        counts[on_seeds(line, seeds)] = max(int(counts.max()), 1)
+    known = [on_seeds(line, seeds) for line in chains]
+    for there, counts in zip(known, driven, strict=True):
+        counts[there] = max(int(counts.max()), 1)
     everything = range(len(chains))
-    kept = [i for i in everything if not _is_spur(_touched(i, everything, lookup), i, driven)]
+    kept = [
+        i
+        for i in everything
+        if known[i].any()
+        or lies_on(chains[i], before)
+        or not _is_spur(_touched(i, everything, lookup), i, driven)
+    ]
     trimmed = []
     for number in kept:
         open_ends = [not touched for touched in _touched(number, kept, lookup)]

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
@@ -78,12 +79,15 @@ class Strokes:
 
 
 def cover(
-    runs: Sequence[Run], contracted: Sequence[Floats], seeds: Sequence[Floats] = ()
+    runs: Sequence[Run],
+    contracted: Sequence[Floats],
+    seeds: Sequence[Floats] = (),
+    before: Sequence[Floats] = (),
 ) -> Strokes:
     """
     Strokes that cover the contracted runs, without short ones that a single drive made.
 
-    The seeds are strokes already, whoever drove them.
+    The seeds are strokes already, whoever drove them; what was a road ``before`` is no car park.
 
     The order of the runs moves nothing: the longest comes first, of equals the one that begins
     farthest west.
@@ -97,16 +101,29 @@ def cover(
         for part in stretches(strokes.under(run).stroke < 0):
             if part.stop - part.start >= min(FEWEST_NEW_STEPS, len(run)):
                 strokes.add(run[max(part.start - 1, 0) : part.stop + 1])
-    return _sure(strokes, runs, contracted, len(seeds))
+    sure = _sure(strokes, runs, contracted)
+    sure |= set(range(len(seeds)))
+    sure |= {i for i, line in enumerate(strokes.lines) if lies_on(line, before)}
+    kept = Strokes()
+    for number in sorted(sure):
+        kept.add(strokes.lines[number])
+    return kept
+
+
+def lies_on(line: Floats, lines: Sequence[Floats]) -> bool:
+    """Whether a line lies on others for most of its steps."""
+    if not lines:
+        return False
+    others = shapely.MultiLineString([other.tolist() for other in lines])
+    near = np.asarray(shapely.distance(others, shapely.points(line)) <= COVERED_M)
+    return float(near.mean()) > FOLLOWED_SHARE
 
 
 def _ends(line: Floats) -> tuple[float, ...]:
     return (*line[0].tolist(), *line[-1].tolist())
 
 
-def _sure(
-    strokes: Strokes, runs: Sequence[Run], contracted: Sequence[Floats], seeds: int
-) -> Strokes:
+def _sure(strokes: Strokes, runs: Sequence[Run], contracted: Sequence[Floats]) -> set[int]:
     """The strokes that are long, or that several drives followed for half their length."""
     seen: dict[tuple[int, int], set[int]] = defaultdict(set)
     for run, line in zip(runs, contracted, strict=True):
@@ -118,8 +135,8 @@ def _sure(
         for (number, _), steps in seen.items()
         if number >= 0 and len(steps) >= FOLLOWED_SHARE * len(strokes.lines[number])
     )
-    kept = Strokes()
-    for number, line in enumerate(strokes.lines):
-        if number < seeds or len(line) > SURE_STEPS or drives[number] > 1:
-            kept.add(line)
-    return kept
+    return {
+        number
+        for number, line in enumerate(strokes.lines)
+        if len(line) > SURE_STEPS or drives[number] > 1
+    }

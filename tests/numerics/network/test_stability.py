@@ -97,3 +97,17 @@ def test_a_long_road_does_not_creep():
     corner = first.interpolate(0.0), first.interpolate(300.0)
     assert all(last.distance(place) < 3.0 for place in corner)
     assert last.length > 2300.0
+
+
+def test_a_short_dead_end_outlives_drives_elsewhere():
+    """A stub that few drove stays a road when a drive comes by that does not see it."""
+    store = Store()
+    street = way((0.0, 0.0), (1500.0, 0.0))
+    stub = way((1300.0, 0.0), (1300.0, 170.0))
+    store.take_in([drive(stub, seed=1), drive(street, seed=2)])
+    before = set(store.lines)
+    assert len(before) == 2
+    for n in range(8):
+        found = store.take_in([drive(way((0.0, 0.0), (700.0 + 40.0 * n, 0.0)), seed=30 + n)])
+        assert not found.gone
+    assert set(store.lines) == before
