@@ -206,22 +206,26 @@ class Calibration:
             has: neighbours share shadowing, a whole window what has changed since the survey.
         offset_sd_db: Spread of the survey devices' offsets.
         position_sd_m: Error of surveyed positions along the road.
-        off_map_intercept, off_map_slope: Log odds of being on the map, given how a window fits.
+        off_map: Log odds of being on the map: intercept, and what a unit of fit, of the logarithm
+            of the information, and of their product add (`app.numerics.offmap`).
     """
 
     information_once: float = 0.0
     information_each: float = 1.0
     offset_sd_db: float = 1.0
     position_sd_m: float = 0.0
-    off_map_intercept: float = 4.0
-    off_map_slope: float = 2.0
+    off_map: tuple[float, float, float, float] = (4.0, 2.0, 0.0, 0.0)
     window_count: int = 0
     reliability: Reliability = Reliability()
 
     def temperature(self, weight: float, samples: int) -> float:
         """What the scores of a window are divided by whose samples weigh ``weight`` together."""
+        return max(weight, 1e-3) / self.information(weight, samples)
+
+    def information(self, weight: float, samples: int) -> float:
+        """How many independent samples the window is worth."""
         weight = max(weight, 1e-3)
-        return weight / min(self.information_once + self.information_each * weight, samples)
+        return min(self.information_once + self.information_each * weight, float(samples))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

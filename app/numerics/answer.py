@@ -21,7 +21,7 @@ def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> 
     temperature = query.temperature(index.calibration)
     told = summarise(index, places, temperature, confidence, in_c=query.told is not None)
     fit = fit_of_place(index, query, places, told.best)
-    off_map = off_map_probability(index.calibration, fit)
+    off_map = off_map_probability(index.calibration, fit, query.information(index.calibration))
     road, sign = index.roads[told.road], int(places.sign[told.peak])
     segment = int(road.edges_m[1:-1].searchsorted(told.chainage_m, side="right"))
     residual, weight = places.values[RESIDUAL:, told.peak].tolist()

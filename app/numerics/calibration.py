@@ -23,21 +23,20 @@ from app.numerics.evidence_table import HeldOut
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
 from app.numerics.observation import OffsetPrior
-from app.numerics.offmap import OFF_MAP_PRIOR
+from app.numerics.offmap import OFF_MAP_PRIOR, off_map_terms
 from app.numerics.posterior import RESIDUAL, WEIGHT, masses
 from app.numerics.reliability import reliability
 from app.numerics.trials import Trial, ask_all, held_out_windows, with_offset
 
 MIN_WINDOWS = 20  # fewer held-out windows say nothing reliable
 NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
-SMALLEST_DENSITY = 1e-6  # one window in the wrong place must not decide alone
 SMALLEST_OFFSET_SD_DB = 0.5
 RIDGE = 3e-5  # next to nothing: it only stops classes that do not overlap from parting for ever
 
 TEMPERATURES = np.geomspace(0.05, 40.0, 24)
 POSITION_SDS_M = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 11.0)
 INFORMATION_ONCE = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
-INFORMATION_EACH = tuple(float(each) for each in np.geomspace(0.02, 20.0, 28))
+INFORMATION_EACH = tuple(float(each) for each in np.geomspace(0.01, 20.0, 31))
 
 
 def calibrate(models: Sequence[RoadModel]) -> Calibration:
@@ -58,19 +57,11 @@ def calibrate(models: Sequence[RoadModel]) -> Calibration:
     )
     index = MapIndex.build(RadioMap(0, tuple(models), learnt))
     trials = ask_all(index, models, windows)
-    once, each, position_sd_m = _most_probable(trials)
-    intercept, slope = _logistic(
-        np.array([one.fit for one in trials if one.fit is not None]),
-        np.array([one.stranger_fit for one in trials if one.stranger_fit is not None]),
-    )
+    once, each, position_sd_m = _most_probable(trials, index.lengths_m)
     learnt = replace(
-        learnt,
-        information_once=once,
-        information_each=each,
-        position_sd_m=position_sd_m,
-        off_map_intercept=intercept,
-        off_map_slope=slope,
+        learnt, information_once=once, information_each=each, position_sd_m=position_sd_m
     )
+    learnt = replace(learnt, off_map=_log_odds(trials, learnt))
     return replace(learnt, reliability=reliability(index, trials, learnt))
 
 
@@ -95,9 +86,18 @@ def _offset_at_truth(one: HeldOut) -> tuple[float, float]:
     return float(places.values[RESIDUAL, truth]) / weight, 1.0 / weight
 
 
-def _most_probable(trials: Sequence[Trial]) -> tuple[float, float, float]:
-    """Information, once and each, and position error under which the truths were most probable."""
-    tables = np.stack([_log_densities(one) for one in trials])  # windows, temperatures, errors
+def _most_probable(trials: Sequence[Trial], lengths_m: Floats) -> tuple[float, float, float]:
+    """
+    Information, once and each, and position error under which the truths were most probable.
+
+    A window may be anywhere on its road, either way, with the chance of being off the map: the few
+    that nothing could place must not decide alone.
+
+    Args:
+        lengths_m: Of all roads.
+    """
+    anywhere = OFF_MAP_PRIOR / (2.0 * lengths_m)
+    tables = np.stack([_log_densities(one, float(anywhere[one.road])) for one in trials])
     weight, samples = np.array([(one.weight, one.samples) for one in trials]).T
     best, best_log = (0.0, 1.0, 0.0), -np.inf
     for once, each in product(INFORMATION_ONCE, INFORMATION_EACH):
@@ -119,14 +119,19 @@ def _at_temperatures(
     return np.asarray(tables[rows, low] * (1.0 - share) + tables[rows, low + 1] * share)
 
 
-def _log_densities(one: Trial) -> Float[np.ndarray, "temperatures errors"]:
-    """Log of the posterior per metre at the truth, for every temperature and error of the truth."""
-    own = one.places.slice(0, one.own)
-    driven = np.where(own.sign == one.truth.sign)[0]
-    miss_m, width_m = own.chainage_m[driven] - one.truth.chainage_m, own.width_m[driven]
+def _log_densities(one: Trial, anywhere: float) -> Float[np.ndarray, "temperatures errors"]:
+    """
+    Log of the posterior per metre at the truth, for every temperature and error of the truth.
+
+    Asked on the window's own road alone: there all curves lack the window's day, while in the whole
+    map only its own road's do, which would make the others look better than they are.
+    """
+    own, truth = one.own, one.truth
+    driven = np.where(own.sign == truth.sign)[0]
+    miss_m, width_m = own.chainage_m[driven] - truth.chainage_m, own.width_m[driven]
     near = np.stack([_nearness(miss_m, width_m, sd_m) for sd_m in POSITION_SDS_M], axis=1)
-    mass = np.stack([masses(one.places, float(t))[driven] for t in TEMPERATURES])
-    return np.asarray(np.log(np.maximum(mass @ near, SMALLEST_DENSITY)))
+    mass = np.stack([masses(own, float(t))[driven] for t in TEMPERATURES])
+    return np.asarray(np.log((1.0 - OFF_MAP_PRIOR) * (mass @ near) + anywhere))
 
 
 def _nearness(miss_m: Floats, width_m: Floats, sd_m: float) -> Floats:
@@ -135,25 +140,37 @@ def _nearness(miss_m: Floats, width_m: Floats, sd_m: float) -> Floats:
     return np.asarray(np.exp(-0.5 * (miss_m / spread_m) ** 2) / (spread_m * np.sqrt(2.0 * np.pi)))
 
 
-def _logistic(on_map: Floats, off_map: Floats) -> tuple[float, float]:
+def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, float, float, float]:
     """
-    Intercept and slope of the log odds of being on the map, both classes weighing alike.
+    Log odds of being on the map, both classes weighing alike, then shifted by `OFF_MAP_PRIOR`.
 
-    Newton's method with a small ridge, so that classes that do not overlap end at a finite slope;
-    the prior `OFF_MAP_PRIOR` then shifts the intercept.
+    Logistic regression by Newton's method, with a small ridge so that classes that do not overlap
+    end at a finite slope.
     """
-    fit = np.concatenate([on_map, off_map]).astype(float)
-    label = np.concatenate([np.ones(len(on_map)), np.zeros(len(off_map))])
-    weight = np.where(label > 0, 0.5 / len(on_map), 0.5 / len(off_map))
-    centre, scale = float(np.mean(fit)), float(np.std(fit)) + 1e-9
-    design = np.column_stack([np.ones_like(fit), (fit - centre) / scale])
-    theta = np.zeros(2)
+    told = [(one, one.information(learnt)) for one in trials]
+    on = [off_map_terms(one.fit, much) for one, much in told if one.fit is not None]
+    off = [
+        off_map_terms(one.stranger_fit, much) for one, much in told if one.stranger_fit is not None
+    ]
+    if not on or not off:
+        return Calibration().off_map
+    terms = np.array(on + off)
+    label = np.concatenate([np.ones(len(on)), np.zeros(len(off))])
+    weight = np.where(label > 0, 0.5 / len(on), 0.5 / len(off))
+    centre, scale = terms.mean(axis=0), terms.std(axis=0) + 1e-9
+    centre[0], scale[0] = 0.0, 1.0
+    theta = _newton((terms - centre) / scale, label, weight)
+    slopes = theta / scale
+    slopes[0] -= float(slopes[1:] @ centre[1:]) + np.log(OFF_MAP_PRIOR / (1.0 - OFF_MAP_PRIOR))
+    return tuple(slopes.tolist())
+
+
+def _newton(design: Floats, label: Floats, weight: Floats) -> Floats:
+    ridge = RIDGE * np.array([1e-6, *np.ones(design.shape[1] - 1)])
+    theta = np.zeros(design.shape[1])
     for _ in range(30):
-        chance = 1.0 / (1.0 + np.exp(-design @ theta))
-        gradient = design.T @ (weight * (label - chance)) - RIDGE * np.array([0.0, theta[1]])
-        curvature = weight * chance * (1.0 - chance)
-        hessian = (design.T * curvature) @ design + RIDGE * np.diag([1e-6, 1.0])
+        chance = 1.0 / (1.0 + np.exp(-np.clip(design @ theta, -50.0, 50.0)))
+        gradient = design.T @ (weight * (label - chance)) - ridge * theta
+        hessian = (design.T * (weight * chance * (1.0 - chance))) @ design + np.diag(ridge)
         theta = theta + np.linalg.solve(hessian, gradient)
-    slope = float(theta[1]) / scale
-    prior = float(np.log((1.0 - OFF_MAP_PRIOR) / OFF_MAP_PRIOR))
-    return float(theta[0]) - slope * centre + prior, slope
+    return theta

@@ -7,7 +7,8 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 BANDWIDTH_M = 12.0  # hearing changes over a house or two
-DOUBT_SAMPLES = 1.0  # one more sample, which heard nothing, tempers a single pass
+DOUBT_SAMPLES = 1.0  # one more sample, which heard nothing, tempers a single one
+DOUBT_PASSES = 0.7  # samples of a pass hear alike: what other days hear, held-out passes tell
 MAPPED_FROM = 0.02  # less than this share of samples about a place: the cell is not mapped there
 
 
@@ -19,6 +20,8 @@ def heard_probability(
 ) -> Float[np.ndarray, "grid cells"]:
     """
     Kernel estimate of the share of samples that hear each cell, on a grid from chainage 0.
+
+    It says what these passes heard; what another will hear is for `for_another_pass` to say.
 
     Args:
         heard: Share of each sample's readings that heard the cell, 0..1.
@@ -37,3 +40,20 @@ def heard_probability(
     smooth_tries = gaussian_filter1d(tries, sigma, mode="constant", truncate=3.0)
     weight = effective * smooth_tries + DOUBT_SAMPLES
     return (effective * smooth_hits) / weight[:, None]
+
+
+def for_another_pass(
+    share: Float[np.ndarray, "grid cells"], passes: Float[np.ndarray, " grid"]
+) -> Float[np.ndarray, "grid cells"]:
+    """
+    Probability that a new pass hears what these heard: as if `DOUBT_PASSES` more had come by that
+    heard the cells of this road as often as the road does on the whole.
+
+    Args:
+        share: Of these passes' samples, from `heard_probability`.
+        passes: How many of them drove by each grid point.
+    """
+    driven = passes > 0
+    usual = float(share[driven].mean()) if driven.any() else 0.0
+    weight = passes[:, None]
+    return np.asarray((weight * share + DOUBT_PASSES * usual) / (weight + DOUBT_PASSES))

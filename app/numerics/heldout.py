@@ -16,16 +16,18 @@ from jaxtyping import Float
 
 from app.numerics.alignment import align
 from app.numerics.evidence_table import HeldOut, pack
-from app.numerics.index import BOTH, road_profile
+from app.numerics.index import road_profile
 from app.numerics.observation import Evidence, Profile
 from app.numerics.passes import RoadPass
 from app.numerics.posterior import VALUES, Places
 from app.numerics.query import Aim, prepare
 from app.numerics.refinement import bend_along, between
+from app.numerics.tapes import BOTH
 
 WINDOW_LENGTHS_M = (0.0, 30.0, 60.0, 120.0, 200.0, 400.0)  # from one sample to the longest
 WINDOWS_PER_ROAD = 72  # enough for a road to have its say, few enough to cost little room
-MOST_FOLDS = 4
+MOST_FOLDS = 8
+COVERED_TO_M = 25.0  # farther from any other pass the curves say nothing that could be held out
 FINE_M = 6.0  # places nearer the truth than this are drawn as finely as a query's peaks
 NEAR_TRUTH_M = 40.0  # and nearer than this kept metre by metre
 BLOCK_M = 16.0  # of those farther off, the best of a block stands for it
@@ -68,9 +70,11 @@ def held_out_evidence(
     found: list[HeldOut] = []
     if len(folds) > 1:
         for held in folds:
-            along = refit([one for one in passes if one not in held]).profile()
-            for one, first, last in _cut(held, WINDOWS_PER_ROAD // len(folds)):
-                found += _held_out(one, first, last, cells, (along, step_m), measured=True)
+            others = [one for one in passes if one not in held]
+            along = refit(others).profile()
+            for one, first, last in _cut(held, max(WINDOWS_PER_ROAD // len(folds), 6)):
+                if _covered(one.chainage_m[[first, last]], others):
+                    found += _held_out(one, first, last, cells, (along, step_m), measured=True)
     else:
         along = surface.profile()
         drawn = [_redrawn(one, surface, step_m, seed) for seed, one in enumerate(passes)]
@@ -84,6 +88,17 @@ def _folds(passes: Sequence[RoadPass]) -> list[list[RoadPass]]:
     count = min(MOST_FOLDS, len(groups))
     fold = {group: index % count for index, group in enumerate(groups)}
     return [[one for one in passes if fold[one.group] == index] for index in range(count)]
+
+
+def _covered(ends_m: Float[np.ndarray, " ends"], others: Sequence[RoadPass]) -> bool:
+    """Whether another pass drove by all of a window: else it is off the map that it is held to."""
+    low_m, high_m = float(ends_m.min()) + COVERED_TO_M, float(ends_m.max()) - COVERED_TO_M
+    middle_m = 0.5 * (low_m + high_m)
+    return any(
+        one.chainage_m.min() <= min(low_m, middle_m)
+        and one.chainage_m.max() >= max(high_m, middle_m)
+        for one in others
+    )
 
 
 def _redrawn(one: RoadPass, surface: Surface, step_m: float, seed: int) -> RoadPass:

@@ -1,25 +1,26 @@
 """
 Two-scale matching: which road, which sub-segment, where on it.
 
-Coarse to fine, nothing lost: the salient cells, averaged over coarse steps, score every sub-segment
-of every road that hears any of them; the stretches that hold all but `LEFT_OUT` of the posterior
-are then aligned reading by reading with the fitted curves, and only those scores make the answer.
+Coarse to fine, nothing lost: all cells, averaged over coarse steps, score every sub-segment of the
+roads that have any of the window's cells among their salient ones; the stretches where that is
+highest are then aligned reading by reading with the fitted curves. Where the posterior is spread
+over more than these, the rest of it stays as the coarse scale has it: no probability is lost.
 `app.numerics.exhaustive` is the definition of what this must return.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from app.domain import Fix, Window
 from app.numerics import native
 from app.numerics.alignment import align, score_positions
 from app.numerics.answer import answer
-from app.numerics.index import BOTH, COARSE_STEPS_M, GAP, MapIndex, Tape
+from app.numerics.index import MapIndex
 from app.numerics.observation import offset_gain
 from app.numerics.posterior import (
     CHAINAGE,
@@ -33,11 +34,15 @@ from app.numerics.posterior import (
 )
 from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
+from app.numerics.tapes import BOTH, COARSE_STEPS_M, GAP, Tape
 
-LEFT_OUT = 1e-4  # share of the coarse posterior that the fine scale may never see
+LEFT_OUT = 1e-4  # share of the coarse posterior that no answer counts
 COARSE_FLATTENING = 2.0  # coarse scores err; flattening them keeps what they would lose
 JOINED_STEPS = 2.5  # stretches closer than this are aligned in one product
-MOST_KEPT = 1000  # coarse positions a query may align: bounds the time of a hopeless window
+MOST_KEPT = 4000  # coarse positions that an answer may count
+LOOKED_AT = 0.995  # share of the posterior that is aligned; the rest keeps its coarse scores
+MOST_ALIGNED = 96  # coarse positions, not counting neighbours: bounds the time of a query
+FLANK = 1  # neighbours on either side that are aligned with a position
 
 
 def locate(
@@ -61,19 +66,32 @@ def locate(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coarse:
-    """Coarse positions and their scores; ``step_m`` of road about each."""
+    """
+    Coarse positions along each road in order, and their scores; ``step_m`` of road about each.
+
+    Attributes:
+        closer: Which of them are worth aligning.
+    """
 
     road: Int[np.ndarray, " positions"]
     sign: Int[np.ndarray, " positions"]
     chainage_m: Float[np.ndarray, " positions"]
     score: Float[np.ndarray, " positions"]
     step_m: float
+    closer: Bool[np.ndarray, " positions"] | None = None
 
-    def take(self, rows: Int[np.ndarray, " kept"]) -> Coarse:
-        """The positions at these indices."""
-        return Coarse(
-            self.road[rows], self.sign[rows], self.chainage_m[rows], self.score[rows], self.step_m
-        )
+    @property
+    def beside(self) -> Bool[np.ndarray, " pairs"]:
+        """Whether each position and the next are neighbours on a road."""
+        apart_m = np.diff(self.chainage_m)
+        near = (apart_m > 0.0) & (apart_m <= self.step_m)
+        return np.asarray(near & (np.diff(self.road) == 0) & (np.diff(self.sign) == 0))
+
+    def take(self, rows: np.ndarray) -> Coarse:
+        """The positions at these indices, or where a mask says so."""
+        closer = None if self.closer is None else self.closer[rows]
+        columns = (self.road[rows], self.sign[rows], self.chainage_m[rows], self.score[rows])
+        return Coarse(*columns, self.step_m, closer)
 
 
 def shortlist(
@@ -88,23 +106,31 @@ def shortlist(
     Args:
         without: Number of a road to leave out, as if the map lacked it.
         foreseen: Adds to the scores what is known before the window is heard, see
-            `app.numerics.tracking`.
+            `app.numerics.tracking`; it chooses positions and stays out of the scores returned.
     """
     size = next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
-    tapes = [tape for tape in index.tapes if not tape.column.keys().isdisjoint(query.cells)]
+    tapes = [tape for tape in index.tapes if not tape.salient.isdisjoint(query.cells)]
     scored = [_score_tape(index, query, tape, size) for tape in tapes or index.tapes]
     for tape, part in zip(tapes, scored, strict=False):
-        if not tape.known.issuperset(query.cells):
+        if not tape.column.keys() >= set(query.cells):
             # Tapes compare only when each pays for the cells that none of its roads has heard.
-            part.score[:] += query.unmapped_score(tape.known)
+            part.score[:] += query.unmapped_score(tape.column.keys())
     every = scored[0] if len(scored) == 1 else _joined(scored)
     if without is not None:
         every = every.take((every.road != without).nonzero()[0])
-    if foreseen is not None:
-        every = foreseen(every)
+    rank = every.score if foreseen is None else foreseen(every).score
     flat = query.temperature(index.calibration) * COARSE_FLATTENING
     keep = kept_by_mass if query.told is None else native.kept_by_mass
-    return every.take(keep(every.score, flat, LEFT_OUT, MOST_KEPT))
+    rows = keep(rank, flat, LEFT_OUT, MOST_KEPT)
+    kept, closer = every.take(rows), np.zeros(len(rows), dtype=bool)
+    closer[keep(rank[rows], flat, 1.0 - LOOKED_AT, MOST_ALIGNED)] = True
+    beside = kept.beside
+    for _ in range(FLANK):
+        grown = closer.copy()
+        grown[1:] |= closer[:-1] & beside
+        grown[:-1] |= closer[1:] & beside
+        closer = grown
+    return replace(kept, closer=closer)
 
 
 def _score_tape(index: MapIndex, query: Query, tape: Tape, size: int) -> Coarse:
@@ -139,12 +165,37 @@ def _joined(parts: list[Coarse]) -> Coarse:
 
 
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
-    """Align the window at every metre of the stretches kept, each stretch with its neighbours."""
-    stretches = _stretches(index, kept)
+    """
+    Where the window may end: metre by metre along the stretches that are worth it, each stretch
+    with its neighbours, and by coarse steps elsewhere.
+    """
+    closer = kept.closer
+    stretches = _stretches(index, kept if closer is None else kept.take(closer))
     if query.told is not None:
-        return _lay_stretches(index, query, query.told, stretches)
-    parts = [_stretch(index, query, *one) for one in stretches]
-    return parts[0] if len(parts) == 1 else Places.join(parts)
+        aligned = _lay_stretches(index, query, query.told, stretches)
+    else:
+        parts = [_stretch(index, query, *one) for one in stretches]
+        aligned = parts[0] if len(parts) == 1 else Places.join(parts)
+    if closer is None or closer.all():
+        return aligned
+    return Places.join((aligned, _elsewhere(index, kept, closer, float(aligned.score.max()))))
+
+
+def _elsewhere(index: MapIndex, kept: Coarse, closer: np.ndarray, highest: float) -> Places:
+    """
+    Coarse positions as places, but for those that are looked at closer, or beside one that is.
+
+    Args:
+        highest: Score of the best place aligned; a coarse score is no reason to look elsewhere.
+    """
+    beside, covered = kept.beside, closer.copy()
+    covered[1:] |= closer[:-1] & beside
+    covered[:-1] |= closer[1:] & beside
+    rest = kept.take(~covered)
+    values = np.zeros((VALUES, len(rest.score)))
+    values[CHAINAGE] = np.minimum(rest.chainage_m, index.lengths_m[rest.road])
+    values[WIDTH], values[SCORE] = rest.step_m, np.minimum(rest.score, highest)
+    return Places(np.stack((rest.road, rest.sign)), values)
 
 
 def _stretches(index: MapIndex, kept: Coarse) -> list[tuple[int, int, int, int]]:

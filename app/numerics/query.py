@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,8 +12,9 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, Window
 from app.numerics import native
-from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex
+from app.numerics.index import MapIndex
 from app.numerics.observation import TERMS, UNMAPPED, Evidence, coefficients, evidence
+from app.numerics.tapes import COARSE_STEPS_M, GAP
 
 FINE_STEP_M = 1.0
 LONGEST_M = COARSE_STEPS_M[-1] * (GAP - 1)  # readings farther back than this are not used
@@ -72,6 +74,10 @@ class Query:
         """What the window's scores are divided by."""
         return calibration.temperature(self.weight, len(self.fine.weight))
 
+    def information(self, calibration: Calibration) -> float:
+        """How many independent samples the window is worth."""
+        return calibration.information(self.weight, len(self.fine.weight))
+
     @property
     def length_m(self) -> float:
         """Travelled distance from the oldest usable sample to the last."""
@@ -110,7 +116,7 @@ class Query:
     def _numbers(self, column: dict[str, int]) -> list[int]:
         return [column.get(cell, -1) for cell in self.cells]
 
-    def unmapped_score(self, known: frozenset[str]) -> float:
+    def unmapped_score(self, known: AbstractSet[str]) -> float:
         """Score of hearing cells that are not ``known``: the same wherever none of them is."""
         missing = [i for i, cell in enumerate(self.cells) if cell not in known]
         return UNMAPPED * float((self.fine.weight @ self.fine.heard[:, missing]).sum())

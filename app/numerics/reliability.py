@@ -43,8 +43,9 @@ def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -
     error_m = np.array([one.error_m for one in outcomes])
     within = np.array([one.within for one in outcomes]).mean(axis=0)
     curve = _curve(posterior, right)
-    off = np.array([off_map_probability(learnt, one.fit) for one in trials])
-    strangers = np.array([off_map_probability(learnt, one.stranger_fit) for one in trials])
+    told = [(one.fit, one.stranger_fit, one.information(learnt)) for one in trials]
+    off = np.array([off_map_probability(learnt, fit, much) for fit, _, much in told])
+    strangers = np.array([off_map_probability(learnt, fit, much) for _, fit, much in told])
     return Reliability(
         window_count=len(trials),
         measured_count=sum(one.truth.measured for one in trials),

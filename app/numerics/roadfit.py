@@ -13,7 +13,7 @@ from app.numerics.centreline import derive_line
 from app.numerics.curves import FittedCurves, fit_curves
 from app.numerics.features import feature_matrix
 from app.numerics.geodesy import Floats
-from app.numerics.hearing import MAPPED_FROM, heard_probability
+from app.numerics.hearing import MAPPED_FROM, for_another_pass, heard_probability
 from app.numerics.heldout import Surface, held_out_evidence
 from app.numerics.lines import length_m
 from app.numerics.passes import RoadPass, all_cells, distinct, lay_on_road
@@ -126,11 +126,19 @@ class _Fitting:
         share = np.concatenate([one.heard for one in passes])
         heard = heard_probability(chainage_m, share, len(self.grid_m), self.step_m)
         mapped = heard >= MAPPED_FROM
+        expected = for_another_pass(heard, self.passes_by(passes))
         return Surface(
             np.where(mapped, curves.mean_dbm, np.nan).astype(np.float32),
             np.where(mapped, curves.spread_db, np.nan).astype(np.float32),
-            heard.astype(np.float32),
+            np.where(mapped, expected, heard).astype(np.float32),
         )
+
+    def passes_by(self, passes: Sequence[RoadPass]) -> Floats:
+        """How many passes drove by each grid point."""
+        ends = [(one.chainage_m.min(), one.chainage_m.max()) for one in passes]
+        reach_m = 0.5 * self.spacing_m
+        by = [(self.grid_m >= a - reach_m) & (self.grid_m <= b + reach_m) for a, b in ends]
+        return np.sum(by, axis=0).astype(float)
 
 
 def _reference(cells: tuple[str, ...], traces: Sequence[Trace], surface: Surface) -> int:

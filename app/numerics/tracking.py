@@ -167,7 +167,7 @@ def _off_map(
     """
     if not query.cells and not query.unknown:
         return before
-    alone = off_map_probability(index.calibration, fit)
+    alone = off_map_probability(index.calibration, fit, query.information(index.calibration))
     heard = trust * (_log_odds(alone) - _log_odds(OFF_MAP_SHARE))
     low, high = OFF_MAP_BOUNDS
     log_odds = _log_odds(min(max(before, low), high)) + heard

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.domain import RoadModel, Window
+from app.domain import Calibration, RoadModel, Window
 from app.numerics import native
 from app.numerics.answer import fit_of_place
 from app.numerics.evidence_table import HeldOut, unpack
@@ -29,8 +29,8 @@ class Trial:
 
     Attributes:
         road: Number of its true road.
-        places: Those of its own road first.
-        own: How many of the places lie on its own road.
+        places: Of the whole map, its own road's first.
+        own: Of its own road alone.
         weight: What its samples weigh together; ``samples`` is how many they are.
         fit: How well it fits where it fits best, None where the map knows none of its cells.
         stranger_fit: The same in the map without its road.
@@ -39,11 +39,15 @@ class Trial:
     road: int
     truth: HeldOut
     places: Places
-    own: int
+    own: Places
     weight: float
     samples: int
     fit: float | None
     stranger_fit: float | None
+
+    def information(self, calibration: Calibration) -> float:
+        """How many independent samples the window is worth."""
+        return calibration.information(self.weight, self.samples)
 
 
 def held_out_windows(models: Sequence[RoadModel]) -> list[tuple[int, HeldOut]]:
@@ -82,7 +86,7 @@ def _ask(index: MapIndex, model: RoadModel, number: int, truth: HeldOut) -> Tria
         number,
         truth,
         places.take(kept),
-        int(kept[: len(own)].sum()),
+        own,
         query.weight,
         len(query.fine.weight),
         _best_fit(index, query, places),

@@ -112,6 +112,9 @@ def _calibration(stored: Mapping[str, Any]) -> Calibration:
     values = dict(stored)
     if "temperature" in values:  # of a version made before windows had temperatures of their own
         values["information_each"] = 1.0 / values.pop("temperature")
+        line = values.pop("off_map_intercept"), values.pop("off_map_slope")
+        values["off_map"] = (*line, 0.0, 0.0)
+    values["off_map"] = tuple(values["off_map"])
     reliability: dict[str, Any] = {
         name: tuple(tuple(pair) for pair in value) if isinstance(value, list) else value
         for name, value in values.pop("reliability", {}).items()

@@ -11,11 +11,17 @@ import pytest
 from app.domain import Calibration, RadioMap, Road, Window
 from app.evaluation.scenario import survey, windows
 from app.numerics.answer import fit_of_place
-from app.numerics.calibration import MIN_WINDOWS, _most_probable, _offset_sd_db, calibrate
+from app.numerics.calibration import (
+    MIN_WINDOWS,
+    _log_odds,
+    _most_probable,
+    _offset_sd_db,
+    calibrate,
+)
 from app.numerics.evidence_table import COLUMNS, HeldOut, pack, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
-from app.numerics.offmap import off_map_probability
+from app.numerics.offmap import OFF_MAP_PRIOR, off_map_probability
 from app.numerics.posterior import Places
 from app.numerics.query import ask
 from app.numerics.reliability import auroc
@@ -34,7 +40,7 @@ def trial(rng, samples, information, position_sd_m=0.0):
     zero = np.zeros(400)
     places = Places(where, np.stack([at_m, zero + 1.0, score, zero, zero + 1.0]))
     truth = HeldOut(np.zeros(1), np.zeros((1, 1)), np.zeros(1, int), true_m, 1, True, places)
-    return Trial(0, truth, places, 400, float(samples), samples, 1.0, 0.0)
+    return Trial(0, truth, places, places, float(samples), samples, 1.0, 0.0)
 
 
 def test_information_is_what_the_truths_say():
@@ -44,7 +50,7 @@ def test_information_is_what_the_truths_say():
         trial(rng, samples, 0.5 + 0.1 * samples)
         for samples in rng.choice([1, 4, 10, 40], 1200).tolist()
     ]
-    once, each, position_sd_m = _most_probable(trials)
+    once, each, position_sd_m = _most_probable(trials, np.array([400.0]))
     for samples in (4, 10, 40):
         assert once + each * samples == pytest.approx(0.5 + 0.1 * samples, rel=0.25)
     assert position_sd_m <= 11.0
@@ -129,11 +135,30 @@ def test_auroc_is_the_chance_to_be_ordered_right():
 
 def test_off_map_falls_with_the_fit():
     """The better a window fits the less it is off the map; with no known cell it is."""
-    odds = [off_map_probability(Calibration(), fit) for fit in (-9.0, -2.0, 0.0, 1.0, 3.0)]
+    odds = [off_map_probability(Calibration(), fit, 5.0) for fit in (-9.0, -2.0, 0.0, 1.0, 3.0)]
     assert odds == sorted(odds, reverse=True)
     assert odds[0] > 0.9
     assert odds[-1] < 0.1
-    assert off_map_probability(Calibration(), None) > 0.999
+    assert off_map_probability(Calibration(), None, 5.0) > 0.999
+
+
+def test_log_odds_part_two_classes():
+    """Fits that lie apart the more the longer the window: the learnt odds say so, both ways."""
+    rng = np.random.default_rng(8)
+    trials = []
+    for _ in range(600):
+        one = trial(rng, 10, 10.0)
+        weight = float(np.exp(rng.uniform(0.0, 3.0)))
+        noise = 1.0 / np.sqrt(weight)
+        on, off = 1.0 + noise * rng.normal(), noise * rng.normal()
+        trials.append(replace(one, weight=weight, samples=99, fit=on, stranger_fit=off))
+    learnt = Calibration(off_map=_log_odds(trials, Calibration()))
+    for weight, sure in ((1.0, 0.25), (18.0, 0.02)):
+        assert off_map_probability(learnt, 1.0, weight) < sure
+        # Log odds of the two Gaussians at their middle are even, but for the prior.
+        middle = off_map_probability(learnt, 0.5, weight)
+        assert middle == pytest.approx(OFF_MAP_PRIOR, abs=0.04)
+    assert off_map_probability(learnt, 0.0, 18.0) > 0.75
 
 
 @cache

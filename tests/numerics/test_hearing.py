@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.numerics.hearing import BANDWIDTH_M, MAPPED_FROM, heard_probability
+from app.numerics.hearing import (
+    BANDWIDTH_M,
+    DOUBT_PASSES,
+    MAPPED_FROM,
+    for_another_pass,
+    heard_probability,
+)
 
 CHAINAGE_M = np.repeat(np.arange(0.0, 300.0), 10)  # ten passes, a row a metre
 
@@ -71,3 +77,18 @@ def test_repeating_every_sample_moves_certainty_not_shares():
     twice = heard_probability(np.tile(CHAINAGE_M, 2), np.tile(heard, (2, 1)), 300, 1.0)
     np.testing.assert_allclose(twice, once, atol=0.01)
     assert np.all(twice >= once)
+
+
+def test_another_pass_is_doubted_until_passes_agree():
+    """One pass moves towards the road's usual share, ten hardly, and where none drove all does."""
+    share = np.array([[0.9, 0.1], [0.9, 0.1], [0.0, 0.0]])
+    one, ten = (for_another_pass(share, np.array([n, n, 0.0])) for n in (1.0, 10.0))
+    weight = 1.0 / (1.0 + DOUBT_PASSES)
+    np.testing.assert_allclose(one[0], weight * share[0] + (1.0 - weight) * 0.5)
+    assert np.all(np.abs(ten[:2] - share[:2]) < 0.05)
+    np.testing.assert_allclose(one[2], 0.5)
+
+
+def test_cells_that_are_always_heard_stay_sure():
+    """Where every sample of every pass hears every cell, one pass is as sure as ten."""
+    np.testing.assert_allclose(for_another_pass(np.full((9, 3), 0.97), np.ones(9)), 0.97)

@@ -10,9 +10,10 @@ import pytest
 from app.domain import Calibration, Line, RadioMap
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.geodesy import LocalFrame
-from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex, salient_cells
+from app.numerics.index import MapIndex
 from app.numerics.lines import headings_deg, point_at
 from app.numerics.matching import locate
+from app.numerics.tapes import COARSE_STEPS_M, GAP, salient_cells
 from tests.factories import line_at, model_of
 from tests.numerics.tiny import gentle_models, map_of, window_along
 
@@ -145,12 +146,14 @@ def test_many_roads_share_tapes_and_none_is_lost():
         assert fix.road_posterior == pytest.approx(slow.road_posterior, abs=0.05)
 
 
-def test_tapes_hold_the_salient_cells():
-    """The coarse scale looks at the cells that masks name, and at no other."""
+def test_tapes_hold_all_cells_and_know_the_salient_ones():
+    """The coarse scale compares by every cell, and looks where one that a mask names is heard."""
     models = gentle_models(550)
     index = map_of(models)
-    named = {cell for model in models for cell in salient_cells(model)}
-    assert {cell for tape in index.tapes for cell in tape.column} == named
+    for tape in index.tapes:
+        roads = [models[number] for number in tape.roads]
+        assert set(tape.column) == {cell for model in roads for cell in model.cells}
+        assert tape.salient == {cell for model in roads for cell in salient_cells(model)}
 
 
 def test_windows_of_any_length_are_served():

@@ -15,11 +15,12 @@ from hypothesis import strategies as st
 
 from app.domain import Calibration, RoadModel, Window
 from app.numerics import matching, native, observation, posterior
-from app.numerics.index import COARSE_STEPS_M, GAP, MapIndex
+from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.query import ask
 from app.numerics.refinement import refine
 from app.numerics.summary import summarise
+from app.numerics.tapes import COARSE_STEPS_M, GAP
 from tests.numerics.tiny import gentle_models, map_of, tiny_models, window_along
 
 built = pytest.mark.skipif(not native.BUILT, reason="installed without a C compiler")

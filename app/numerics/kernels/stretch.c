@@ -29,6 +29,8 @@ INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdi
     score += f->outside[i] * load(base + along->columns, lanes);
     Lanes residual = {0}, weight = {0}, silence = {0};
     for (ptrdiff_t cell = 0, k = i * f->cells; cell < f->cells; cell++, k++) {
+        if (f->heard[k] == 0.0)
+            continue; /* most cells are heard in few samples of a long window */
         const float *row = at + f->row[cell] * along->columns;
         Lanes precision = load(row, lanes), pull = load(row + along->columns, lanes);
         Lanes fixed = load(row + 2 * along->columns, lanes);
