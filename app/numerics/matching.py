@@ -70,7 +70,7 @@ class Coarse:
     Coarse positions along each road in order, and their scores; ``step_m`` of road about each.
 
     Attributes:
-        closer: Which of them are worth aligning.
+        closer: Which of them are worth aligning; None = all.
     """
 
     road: Int[np.ndarray, " positions"]
@@ -122,15 +122,24 @@ def shortlist(
     flat = query.temperature(index.calibration) * COARSE_FLATTENING
     keep = kept_by_mass if query.told is None else native.kept_by_mass
     rows = keep(rank, flat, LEFT_OUT, MOST_KEPT)
-    kept, closer = every.take(rows), np.zeros(len(rows), dtype=bool)
+    kept = every.take(rows)
+    if len(rows) <= MOST_ALIGNED:
+        return kept
+    closer = np.zeros(len(rows), dtype=bool)
     closer[keep(rank[rows], flat, 1.0 - LOOKED_AT, MOST_ALIGNED)] = True
-    beside = kept.beside
     for _ in range(FLANK):
-        grown = closer.copy()
-        grown[1:] |= closer[:-1] & beside
-        grown[:-1] |= closer[1:] & beside
-        closer = grown
+        closer |= _neighbours(closer, kept.beside)
     return replace(kept, closer=closer)
+
+
+def _neighbours(
+    chosen: Bool[np.ndarray, " positions"], beside: Bool[np.ndarray, " pairs"]
+) -> Bool[np.ndarray, " positions"]:
+    """The positions beside those chosen."""
+    found = np.zeros_like(chosen)
+    found[1:] |= chosen[:-1] & beside
+    found[:-1] |= chosen[1:] & beside
+    return found
 
 
 def _score_tape(index: MapIndex, query: Query, tape: Tape, size: int) -> Coarse:
@@ -188,10 +197,7 @@ def _elsewhere(index: MapIndex, kept: Coarse, closer: np.ndarray, highest: float
     Args:
         highest: Score of the best place aligned; a coarse score is no reason to look elsewhere.
     """
-    beside, covered = kept.beside, closer.copy()
-    covered[1:] |= closer[:-1] & beside
-    covered[:-1] |= closer[1:] & beside
-    rest = kept.take(~covered)
+    rest = kept.take(~(closer | _neighbours(closer, kept.beside)))
     values = np.zeros((VALUES, len(rest.score)))
     values[CHAINAGE] = np.minimum(rest.chainage_m, index.lengths_m[rest.road])
     values[WIDTH], values[SCORE] = rest.step_m, np.minimum(rest.score, highest)

@@ -3,18 +3,54 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
+
+enum { DIGIT_BITS = 11, DIGITS = 3, BUCKETS = 1 << DIGIT_BITS, FEW = 96 };
 
 typedef struct {
-    double weight;
+    uint32_t key;
     ptrdiff_t index;
-} Weighed;
+} Keyed;
 
-static int heavier(const void *left, const void *right)
+/* Larger floats get smaller keys: both signs, no NaN. */
+static uint32_t key_of(float score)
 {
-    const Weighed *a = left, *b = right;
-    if (a->weight != b->weight)
-        return a->weight > b->weight ? -1 : 1;
-    return (a->index > b->index) - (a->index < b->index);
+    uint32_t bits;
+    memcpy(&bits, &score, sizeof bits);
+    return bits & 0x80000000u ? bits : ~bits & 0x7fffffffu;
+}
+
+static void insert_by_key(Keyed *each, ptrdiff_t count)
+{
+    for (ptrdiff_t i = 1; i < count; i++) {
+        Keyed one = each[i];
+        ptrdiff_t at = i;
+        for (; at > 0 && each[at - 1].key > one.key; at--)
+            each[at] = each[at - 1];
+        each[at] = one;
+    }
+}
+
+/* Sorts by key, equal keys as they stood; needs room for a copy; where the sorted ones are. */
+static const Keyed *sort_by_key(Keyed *each, Keyed *copy, ptrdiff_t count)
+{
+    if (count <= FEW) {
+        insert_by_key(each, count);
+        return each;
+    }
+    for (int digit = 0; digit < DIGITS; digit++) {
+        ptrdiff_t starts[BUCKETS + 1] = {0};
+        for (ptrdiff_t i = 0; i < count; i++)
+            starts[((each[i].key >> (digit * DIGIT_BITS)) & (BUCKETS - 1)) + 1]++;
+        for (int bucket = 0; bucket < BUCKETS; bucket++)
+            starts[bucket + 1] += starts[bucket];
+        for (ptrdiff_t i = 0; i < count; i++)
+            copy[starts[(each[i].key >> (digit * DIGIT_BITS)) & (BUCKETS - 1)]++] = each[i];
+        Keyed *sorted = copy;
+        copy = each;
+        each = sorted;
+    }
+    return each;
 }
 
 static int earlier(const void *left, const void *right)
@@ -23,11 +59,11 @@ static int earlier(const void *left, const void *right)
     return (a > b) - (a < b);
 }
 
-/* Equal weights in the order of their indices. */
+/* Equal scores in the order of their indices. */
 ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, double left_out,
                        ptrdiff_t most, int64_t *kept)
 {
-    Weighed *likely = malloc(sizeof *likely * (size_t)(count > 0 ? count : 1));
+    Keyed *likely = malloc(2 * sizeof *likely * (size_t)(count > 0 ? count : 1));
     if (likely == NULL)
         return OUT_OF_MEMORY;
     float top = -INFINITY;
@@ -35,29 +71,28 @@ ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, 
         top = score[i] > top ? score[i] : top;
     /* What lies under the cut is a billionth of the total together: not worth its exponentials. */
     double cut = top + temperature * log(1e-9 / (double)count), total = 0.0, sum = 0.0;
-    ptrdiff_t found = 0, enough = 0;
+    ptrdiff_t found = 0, above = 0, enough = 0;
     for (ptrdiff_t i = 0; i < count; i++)
         if (score[i] >= cut) {
-            double weight = exp(((double)score[i] - top) / temperature);
-            total += weight;
-            likely[found++] = (Weighed){weight, i};
+            total += exp(((double)score[i] - top) / temperature);
+            likely[found++] = (Keyed){key_of(score[i]), i};
         }
     /* Places under the floor hold less than half of left_out together: sort the others only. */
-    double floor_weight = 0.5 * left_out * total / (double)count;
-    ptrdiff_t above = 0;
+    double low = top + temperature * log(0.5 * left_out * total / (double)count);
     for (ptrdiff_t i = 0; i < found; i++)
-        if (likely[i].weight >= floor_weight)
+        if (score[likely[i].index] >= low)
             likely[above++] = likely[i];
-    qsort(likely, (size_t)above, sizeof *likely, heavier);
+    const Keyed *sorted = sort_by_key(likely, likely + count, above);
     while (enough < above && enough < most) {
-        sum += likely[enough].weight;
-        kept[enough] = likely[enough].index;
+        sum += exp(((double)score[sorted[enough].index] - top) / temperature);
+        kept[enough] = sorted[enough].index;
         enough++;
         if (sum >= (1.0 - left_out) * total)
             break;
     }
     free(likely);
-    qsort(kept, (size_t)enough, sizeof *kept, earlier);
+    if (enough > 1)
+        qsort(kept, (size_t)enough, sizeof *kept, earlier);
     return enough;
 }
 
