@@ -170,16 +170,14 @@ class Reliability:
     How often a map's probabilities came true on windows that its curves had not seen.
 
     Attributes:
-        window_count: Held-out windows asked for; ``measured_count`` of them from other days than
-            their curves, the rest drawn from the model.
+        measured_count: Of the windows, those of other days than their curves; the rest are drawn.
         road_right: Share whose most probable road was the true one.
         ece: Expected calibration error of the road's posterior (Naeini et al. 2015), 0..1.
-        curve: Ten bins of the road's posterior: mean posterior, share right, windows.
+        curve: Of ten bins of the road's posterior: its mean, share right, windows.
         coverage: Pairs of confidence and share of windows whose radius held the truth.
-        median_m, p90_m: Of the distance from the truth.
         refused: Share answered as off the map though they were on it.
-        strangers_refused: Share of windows asked for in the map without their road that were
-            answered as off the map; ``off_map_auroc`` says how well the two are told apart.
+        strangers_refused: The same of windows asked for in the map without their road;
+            ``off_map_auroc`` says how well the two are told apart.
     """
 
     window_count: int = 0
@@ -201,13 +199,12 @@ class Calibration:
     What held-out windows say of a whole map's probabilities. Plain numbers, stored as JSON.
 
     Attributes:
-        information_once, information_each: A window whose samples weigh ``w`` together says as much
-            as ``information_once + information_each w`` independent samples, and no more than it
-            has: neighbours share shadowing, a whole window what has changed since the survey.
+        information_once, information_each: A window whose samples weigh ``w`` says as much as
+            ``information_once + information_each w`` independent ones, and no more than it has:
+            neighbours share shadowing, a whole window what has changed since the survey.
         offset_sd_db: Spread of the survey devices' offsets.
         position_sd_m: Error of surveyed positions along the road.
-        off_map: Log odds of being on the map: intercept, and what a unit of fit, of the logarithm
-            of the information, and of their product add (`app.numerics.offmap`).
+        off_map: Log odds of being on the map, see `app.numerics.offmap.off_map_terms`.
     """
 
     information_once: float = 0.0
@@ -219,7 +216,7 @@ class Calibration:
     reliability: Reliability = Reliability()
 
     def temperature(self, weight: float, samples: int) -> float:
-        """What the scores of a window are divided by whose samples weigh ``weight`` together."""
+        """What the scores of a window are divided by."""
         return max(weight, 1e-3) / self.information(weight, samples)
 
     def information(self, weight: float, samples: int) -> float:
