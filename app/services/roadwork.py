@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from sqlalchemy.engine import Connection, Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.domain import Calibration, Road, RoadModel, Trace
 from app.errors import CannotBuildRoad, NotEnoughSamples
-from app.store import builds, drives, models, roads, surveys, versions
+from app.numerics.coverage import cover
+from app.store import builds, coverage, drives, models, roads, surveys, versions
 from app.store.engine import read, write
 from app.store.records import RoadOutcome
 
@@ -148,9 +149,11 @@ def _fit_and_store(engine: Engine, fit: FitRoad, build_id: str, road_id: str) ->
     if not passes:
         raise NotEnoughSamples(needed=2, got=0)
     model = fit(road, passes)
+    covered = [asdict(segment) for segment in cover(model, passes)]
     with write(engine) as connection:
         if builds.finish_road(connection, build_id, road_id, RoadOutcome("built")):
-            models.insert_model(connection, build_id, model)
+            model_id = models.insert_model(connection, build_id, model)
+            coverage.insert_coverage(connection, model_id, covered)
 
 
 def _close(engine: Engine, build_id: str, road_id: str, outcome: RoadOutcome) -> None:

@@ -151,6 +151,12 @@ def roads_near(connection: Connection, box: Bounds) -> list[NearRoad]:
     return near
 
 
+def driven_line(connection: Connection, road_id: str) -> Line | None:
+    """The positions of a road's first pass; None when it has none."""
+    driven = _driven_line(connection, road_id)
+    return None if driven is None else Line(unpack(driven[0], F8), unpack(driven[1], F8))
+
+
 def note_cells(connection: Connection, names: Iterable[str]) -> None:
     """Make sure that these cells are known."""
     rows = [{"cell": cell, "first_seen_at": utc_now()} for cell in sorted(set(names))]

@@ -13,7 +13,7 @@ from sqlalchemy import Boolean, Column, Float, ForeignKey, Integer, LargeBinary,
 
 from app.store.columns import UtcMoment
 
-SCHEMA_REVISION = "0004"  # of the newest file in migrations/versions: a start without Alembic
+SCHEMA_REVISION = "0005"  # of the newest file in migrations/versions: a start without Alembic
 
 metadata = sa.MetaData(
     naming_convention={
@@ -183,6 +183,30 @@ fits = Table(
     Column("pass_count", Integer, nullable=False),
     Column("knots_m", LargeBinary, nullable=False),
     Column("coefficients_dbm", LargeBinary, nullable=False),
+    sa.ForeignKeyConstraint(
+        ["model_id", "segment_index"],
+        ["segments.model_id", "segments.segment_index"],
+        ondelete="CASCADE",
+    ),
+)
+
+segment_coverage = Table(  # who drove a segment, and how much a window that ends there tells
+    "segment_coverage",
+    metadata,
+    Column("model_id", Integer, primary_key=True),
+    Column("segment_index", Integer, primary_key=True),
+    Column("passes", Integer, nullable=False),
+    Column("forward", Integer, nullable=False),
+    Column("backward", Integer, nullable=False),
+    Column("days", Integer, nullable=False),
+    Column("devices", Integer, nullable=False),
+    Column("cells", Integer, nullable=False),
+    Column("cells_heard", Float, nullable=False),
+    Column("spread_db", Float),
+    Column("last_surveyed_at", UtcMoment),
+    Column("place_information", Float, nullable=False),
+    Column("mixed_information", Float, nullable=False),
+    Column("offset_information", Float, nullable=False),
     sa.ForeignKeyConstraint(
         ["model_id", "segment_index"],
         ["segments.model_id", "segments.segment_index"],
