@@ -23,7 +23,18 @@ from app.api.metrics import Metrics
 from app.api.middleware.body import BodyLimit
 from app.api.middleware.envelope import Envelope
 from app.api.openapi import openapi_document
-from app.api.routes import builds, cells, docs, geosubmit, health, locate, maps, roads, surveys
+from app.api.routes import (
+    builds,
+    cells,
+    coverage,
+    docs,
+    geosubmit,
+    health,
+    locate,
+    maps,
+    roads,
+    surveys,
+)
 from app.api.state import Limits, State
 from app.services.keys import state_key
 from app.services.publish import MapHolder
@@ -48,7 +59,7 @@ def create_app(settings: Settings) -> FastAPI:
         telemetry={"tracing": False, "metrics": False, "logs": False},  # /metrics has its own
     )
     app.router.routes.append(locate.hot_route())  # for its place in the interface, and for 405
-    for module in (locate, surveys, geosubmit, builds, maps, roads, cells, health, docs):
+    for module in (locate, surveys, geosubmit, builds, maps, roads, coverage, cells, health, docs):
         app.include_router(module.router)
     app.router.routes.append(docs.assets())
     errors.install(app)

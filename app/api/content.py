@@ -64,13 +64,29 @@ async def wants_geojson(request: Request) -> bool:
     Raises:
         Refusal: It accepts neither.
     """
+    quality = _qualities(request)
+    return quality[GEOJSON] > quality[JSON]
+
+
+async def prefers_json(request: Request) -> bool:
+    """
+    Whether a reader prefers JSON to GeoJSON, of what is GeoJSON by nature.
+
+    Raises:
+        Refusal: It accepts neither.
+    """
+    quality = _qualities(request)
+    return quality[JSON] > quality[GEOJSON]
+
+
+def _qualities(request: Request) -> dict[str, float]:
     accepted = request.headers.get("accept", "*/*")
     quality = {media_type: _quality(accepted, media_type) for media_type in (JSON, GEOJSON)}
     if max(quality.values()) <= 0:
         raise Refusal(
             406, "not-acceptable", f"accepts {accepted[:80]!r}; there is {JSON} and {GEOJSON}"
         )
-    return quality[GEOJSON] > quality[JSON]
+    return quality
 
 
 def _quality(accepted: str, media_type: str) -> float:

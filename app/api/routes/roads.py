@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy import Engine
 from starlette.responses import Response
 
+from app.api.box import BBOX, bounds_of_query
 from app.api.checks import check_within
 from app.api.content import GEOJSON, require_json, wants_geojson
 from app.api.documents import (
@@ -38,7 +39,6 @@ from app.api.state import EngineOf
 from app.domain import Line, Road
 from app.services.maps import active_version
 from app.services.roads import (
-    Bounds,
     get_road,
     get_segment,
     list_roads,
@@ -69,11 +69,7 @@ class MapQuery(BaseModel):
 class RoadsQuery(MapQuery):
     """Which roads to list."""
 
-    bbox: str | None = Field(
-        default=None,
-        description="`west,south,east,north` in degrees; west > east holds the antimeridian.",
-        examples=["-118.50,34.00,-118.48,34.03"],
-    )
+    bbox: str | None = BBOX
     limit: int = Field(default=100, ge=1, le=1000)
     cursor: str | None = None
 
@@ -116,7 +112,7 @@ def get_roads(read: MapReadOf, query: Annotated[RoadsQuery, Query()]) -> Respons
     page = list_roads(
         read.engine,
         version=version,
-        bbox=_bounds(query.bbox) if query.bbox else None,
+        bbox=bounds_of_query(query.bbox) if query.bbox else None,
         limit=query.limit,
         cursor=query.cursor or None,
     )
@@ -189,26 +185,6 @@ def get_one_segment(
     found = get_segment(read.engine, road_id, index, version)
     make = segment_feature if read.geojson else segment_document
     return read.answer(version, make(found.road, found.segment))
-
-
-def _bounds(bbox: str) -> Bounds:
-    """
-    The box of a ``bbox`` parameter.
-
-    Raises:
-        InvalidInput: It is no box on the earth.
-    """
-    faults = Faults()
-    try:
-        west, south, east, north = (float(edge) for edge in bbox.split(","))
-    except ValueError:
-        faults.add("", f"query parameter bbox: {bbox[:60]!r} is not west,south,east,north")
-        raise faults.error() from None
-    # Written so that NaN fails.
-    if not (abs(west) <= 180 and abs(east) <= 180 and -90 <= south <= north <= 90):
-        faults.add("", f"query parameter bbox: {bbox[:60]!r} is no box on the earth")
-    faults.raise_if_any()
-    return Bounds(west, south, east, north)
 
 
 def _line(given: LineStringRequest) -> Line:
