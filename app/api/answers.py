@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from app.api.explanations import explanation_document
 from app.api.schemas.locate import LocateRequest
 from app.api.state import Limits
 from app.api.tracks import is_tracked, track
@@ -67,7 +68,7 @@ def located_document(
     index: MapIndex, request: LocateRequest, limits: Limits, state_key: bytes
 ) -> tuple[Fix, dict[str, Any]]:
     """
-    The fix of a request and its document, tracked when the request asks for that.
+    The fix of a request and its document, tracked and explained when the request asks for that.
 
     Raises:
         InvalidInput: With every fault of the window, or that of its state.
@@ -75,7 +76,11 @@ def located_document(
     window = window_of(request, limits)
     if not is_tracked(request):
         fix = locate(index, window, confidence=request.confidence)
-        return fix, fix_document(fix, request.max_candidates)
-    tracked = track(index, request, window, state_key)
-    document = fix_document(tracked.fix, request.max_candidates)
-    return tracked.fix, {**document, "state": tracked.state}
+        document = fix_document(fix, request.max_candidates)
+    else:
+        tracked = track(index, request, window, state_key)
+        fix = tracked.fix
+        document = {**fix_document(fix, request.max_candidates), "state": tracked.state}
+    if request.explain:
+        document["explanation"] = explanation_document(index, window, fix)
+    return fix, document

@@ -25,4 +25,4 @@ def build(
     """
     with open_target(url, data) as target:
         requested = target.request_build(road_id or None)
-        conclude(follow_build(target, requested))
+        conclude(target, follow_build(target, requested))

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
-from urllib.parse import quote
+from urllib.parse import quote, urlencode
 
 import httpx
 import numpy as np
@@ -105,6 +105,20 @@ class HttpTarget:
             yield view
             if view.finished:
                 return
+
+    def reliability(self, version: int) -> Document:
+        """How far a map version can be trusted."""
+        found: Document = self._send("GET", f"/v1/maps/{version}/reliability").json()
+        return found
+
+    def coverage(
+        self, *, bbox: str | None, version: int | None, cursor: str | None = None
+    ) -> Document:
+        """A page of stretches and the summary of all."""
+        asked = {"bbox": bbox, "version": version, "cursor": cursor}
+        query = urlencode({name: value for name, value in asked.items() if value is not None})
+        page: Document = self._send("GET", f"/v1/coverage?{query}").json()
+        return page
 
     def locate(self, document: Document) -> Document:
         """The fix of one window."""

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from app.commands.client import HttpTarget
 from app.commands.local import LocalTarget
+from app.commands.reliability import reliability_words
 from app.commands.settings import chosen_settings
 from app.commands.target import BuildView, Target
 from app.errors import RoadprintError
@@ -91,15 +92,18 @@ def follow_build(target: Target, build: BuildView) -> BuildView:
     return build
 
 
-def conclude(build: BuildView) -> None:
+def conclude(target: Target, build: BuildView) -> None:
     """
-    Say how a build ended.
+    Say how a build ended, and how far its map can be trusted.
 
     Raises:
         typer.Exit: `FAULT` when it was not successful.
     """
     if build.status == "successful":
         out.print(f"map version {build.map_version} is ready ({build.roads_done} roads)")
+        if build.map_version is not None:
+            for line in reliability_words(target.reliability(build.map_version)):
+                out.print(line, highlight=False, soft_wrap=True)
         return
     reason = f": {build.problem}" if build.problem else ""
     err.print(f"[red]build {build.build_id} {build.status}[/]{reason}", soft_wrap=True)

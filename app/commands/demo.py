@@ -135,7 +135,7 @@ def survey_and_build(service: HttpTarget, city: City) -> None:
         for trace in bar.track(traces, description="surveying"):
             service.post_survey(survey_document(trace), None)
     build = follow_build(service, service.request_build(None))
-    conclude(build)
+    conclude(service, build)
     _await_map(service, build.map_version)
 
 

@@ -87,7 +87,8 @@ def import_(
             err.print("[red]no survey was taken in[/]")
             raise typer.Exit(FAULT)
         if build:
-            conclude(follow_build(target, target.request_build(sorted(intake.roads) or None)))
+            requested = target.request_build(sorted(intake.roads) or None)
+            conclude(target, follow_build(target, requested))
     if intake.refused or intake.broken:
         raise typer.Exit(FAULT)
 

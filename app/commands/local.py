@@ -11,7 +11,11 @@ import orjson
 from pydantic import TypeAdapter, ValidationError
 
 from app.api.answers import located_document
+from app.api.box import bounds_of_query
+from app.api.coverage import coverage_document
 from app.api.faults import invalid_input
+from app.api.reliability import reliability_document
+from app.api.replies import OPTIONS
 from app.api.schemas.locate import LocateRequest
 from app.api.state import Limits
 from app.api.surveys import Described, trace_of_json
@@ -21,8 +25,10 @@ from app.errors import NoMap, RoadprintError
 from app.numerics.index import MapIndex
 from app.numerics.lines import length_m
 from app.services.builds import BuildState, get_build, request_build
+from app.services.coverage import survey_coverage
 from app.services.ingest import accept_survey
 from app.services.keys import state_key
+from app.services.maps import get_map
 from app.services.publish import MapHolder
 from app.services.roads import list_roads, put_road
 from app.services.supervisor import start_worker_process
@@ -119,6 +125,24 @@ class LocalTarget:
         finally:
             worker.stop()
 
+    def reliability(self, version: int) -> Document:
+        """How far a map version can be trusted."""
+        try:
+            return reliability_document(get_map(self._engine, version))
+        except RoadprintError as error:
+            raise Refused(error.code, str(error)) from error
+
+    def coverage(
+        self, *, bbox: str | None, version: int | None, cursor: str | None = None
+    ) -> Document:
+        """A page of stretches and the summary of all."""
+        try:
+            box = None if bbox is None else bounds_of_query(bbox)
+            found = survey_coverage(self._engine, version=version, bbox=box, cursor=cursor)
+        except RoadprintError as error:
+            raise Refused(error.code, str(error)) from error
+        return _plain(coverage_document(found))
+
     def locate(self, document: Document) -> Document:
         """The fix of one window on the active map."""
         try:
@@ -129,8 +153,7 @@ class LocalTarget:
             raise Refused("invalid-input", str(invalid_input(error))) from error
         except RoadprintError as error:
             raise Refused(error.code, str(error)) from error
-        answer: Document = orjson.loads(orjson.dumps(located, option=orjson.OPT_SERIALIZE_NUMPY))
-        return answer
+        return _plain(located)
 
     def _quiet_settings(self) -> Settings:
         """Settings under which a worker says only what is wrong, unless a level was chosen."""
@@ -143,6 +166,12 @@ class LocalTarget:
         if self._maps.current is None:
             raise NoMap
         return self._maps.current
+
+
+def _plain(document: object) -> Document:
+    """As it comes back from a service: arrays and moments are lists and texts."""
+    plain: Document = orjson.loads(orjson.dumps(document, option=OPTIONS))
+    return plain
 
 
 def _view(build: BuildState) -> BuildView:

@@ -12,6 +12,7 @@ import typer
 from rich.table import Table
 
 from app.commands.console import Url, open_target, out, reported
+from app.commands.explain import explanation_tables
 from app.commands.settings import DataDir
 from app.commands.target import Document, Target, window_document
 from app.domain import Trace, Window
@@ -42,6 +43,9 @@ def locate(
         bool,
         typer.Option("--track", help="Follow a CSV drive window by window, not its end alone."),
     ] = False,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Say why: what decided, and what the runner-up was.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print the answer as it came.")] = False,
 ) -> None:
     """
@@ -49,9 +53,12 @@ def locate(
 
     The way of a CSV drive is measured along its own positions; nothing else is taken from them.
     With --track the whole drive is followed, each window in the light of those before it.
+    With --explain tables tell what separated the (last) answer from its runner-up.
     """
     with reported():
         documents = _read_drive(file, length_m) if track else [_read_window(file, length_m)]
+    if explain:
+        documents = [{**document, "explain": True} for document in documents]
     with open_target(url, data) as target:
         fixes = _follow(target, documents) if track else [target.locate(documents[0])]
     if json:
@@ -59,6 +66,8 @@ def locate(
         typer.echo(orjson.dumps(answer, option=orjson.OPT_INDENT_2).decode())
     else:
         out.print(_tracked_table(fixes) if track else _table(fixes[0]))
+        if explain:  # of a followed drive, the last window
+            out.print(explanation_tables(fixes[-1]["explanation"]))
 
 
 def _follow(target: Target, documents: Sequence[Document]) -> list[Document]:

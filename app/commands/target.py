@@ -95,6 +95,14 @@ class Target(Protocol):
     def follow(self, build_id: str) -> Iterator[BuildView]:
         """The build's states as they change; the last one is finished."""
 
+    def reliability(self, version: int) -> Document:
+        """How far a map version can be trusted, as ``GET /v1/maps/{version}/reliability``."""
+
+    def coverage(
+        self, *, bbox: str | None, version: int | None, cursor: str | None = None
+    ) -> Document:
+        """A page of stretches and the summary of all, as ``GET /v1/coverage``."""
+
     def locate(self, document: Document) -> Document:
         """The fix of one window."""
 

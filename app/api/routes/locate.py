@@ -21,6 +21,7 @@ from app.api.hot import HotResponse, HotRoute
 from app.api.openapi import body_of, problems
 from app.api.schemas.locate import BatchAnswer, BatchRequest, FixDocument, LocateRequest
 from app.api.state import Limits, State, StateOf, current_map
+from app.domain import Fix
 from app.errors import Fault, InvalidInput
 from app.numerics.index import MapIndex
 
@@ -38,11 +39,15 @@ async def locate_window(body: LocateRequest, request: Request) -> Response:
     `status` is `off_map` when the window fits no mapped road. `Server-Timing` tells how long the
     matching took. Naming `state` tracks the vehicle: null with its first window, then the answer's
     `state` with each next one; nothing is kept here.
+    `explain` adds why: which cells decided, what the runner-up was, every sample's residual.
     """
     state = cast("State", request.scope["state"])
     index = current_map(state)
     started = perf_counter()
-    fix, document = located_document(index, body, state["limits"], state["state_key"])
+    if body.explain:  # takes milliseconds: in a thread others are answered meanwhile
+        fix, document = await run_in_threadpool(_located, index, body, state)
+    else:
+        fix, document = _located(index, body, state)
     matched_ms = (perf_counter() - started) * 1000
     state["metrics"].fix("off_map" if fix.off_map else "located")
     return HotResponse(
@@ -68,7 +73,11 @@ async def locate_batch(raw: Annotated[bytes, Depends(raw_body)], state: StateOf)
     windows = await run_in_threadpool(_windows, raw, state["limits"])
     fixes = []
     for place, window in enumerate(windows):
-        fixes.append(_fix_or_problem(index, window, place, state))
+        if isinstance(window, dict) and window.get("explain") is True:
+            answer = await run_in_threadpool(_fix_or_problem, index, window, place, state)
+        else:
+            answer = _fix_or_problem(index, window, place, state)
+        fixes.append(answer)
         # Between two windows whoever waits on the event loop gets it: a thread would hold the
         # interpreter for 5 ms at a time, this holds it for one window.
         await asyncio.sleep(0)
@@ -108,13 +117,17 @@ def _windows(raw: bytes, limits: Limits) -> list[Any]:
     return cast("list[Any]", windows)
 
 
+def _located(index: MapIndex, body: LocateRequest, state: State) -> tuple[Fix, dict[str, Any]]:
+    return located_document(index, body, state["limits"], state["state_key"])
+
+
 def _fix_or_problem(index: MapIndex, window: object, place: int, state: State) -> dict[str, Any]:
     try:
         try:
             body = _window_adapter.validate_python(window)
         except ValidationError as error:
             raise invalid_input(error) from None
-        fix, document = located_document(index, body, state["limits"], state["state_key"])
+        fix, document = _located(index, body, state)
     except InvalidInput as error:
         state["metrics"].fix("refused")
         return problem_of(_within(error, f"/windows/{place}"), "/v1/locate/batch")

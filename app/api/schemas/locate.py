@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, Field
 
 from app.api.problems import ProblemDocument
+from app.api.schemas.explanation import ExplanationDocument
 from app.api.schemas.fields import STRICT, CellIds, Numbers, Rows
 
 
@@ -35,6 +36,10 @@ class LocateRequest(BaseModel):
     )
     max_candidates: Annotated[int, Field(ge=0)] | None = Field(
         default=None, description="Most candidates answered; absent or null: all of them."
+    )
+    explain: bool = Field(
+        default=False,
+        description="Adds `explanation`: what decided, the runner-up, and every sample's residual.",
     )
     state: str | None = Field(
         default=None,
@@ -119,6 +124,9 @@ class FixDocument(BaseModel):
     state: str = Field(
         default="",
         description="Only when the request named `state`: send it with the vehicle's next window.",
+    )
+    explanation: ExplanationDocument | None = Field(
+        default=None, description="Only when the request asked to `explain`."
     )
 
 

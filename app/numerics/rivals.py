@@ -1,0 +1,47 @@
+"""Which place was answered, and which one it has to be told from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.domain import Fix
+from app.numerics.contributions import Place, contributions
+from app.numerics.index import MapIndex
+from app.numerics.matching import fine_places, shortlist, whole_roads
+from app.numerics.posterior import Places
+from app.numerics.query import Query
+from app.numerics.refinement import refine
+from app.numerics.summary import PEAK_M
+
+
+def answered_place(index: MapIndex, query: Query, fix: Fix) -> Place:
+    """The peak of the score beside the position, which is the posterior's mean about it."""
+    road, sign = index.road_ids.index(fix.road_id), fix.direction.sign
+    near = [
+        Place(road, sign, one.chainage_m)
+        for one in fix.candidates
+        if one.road_id == fix.road_id
+        and one.direction is fix.direction
+        and abs(one.chainage_m - fix.chainage_m) <= PEAK_M
+    ]
+    near = near or [Place(road, sign, fix.chainage_m)]
+    return max(near, key=lambda place: contributions(index, query, place).score)
+
+
+def runner_up(index: MapIndex, query: Query, answer: Place) -> Place:
+    """The best place on another road; in a map of one, elsewhere on it or the other way."""
+    if len(index.roads) > 1:
+        places = fine_places(index, query, shortlist(index, query, without=answer.road))
+        return _best(refine(index, query, places))
+    places = whole_roads(index, query)
+    edges_m = index.roads[answer.road].edges_m[1:-1]
+    own = edges_m.searchsorted(answer.chainage_m, side="right")
+    same = edges_m.searchsorted(places.chainage_m, side="right") == own
+    same |= np.abs(places.chainage_m - answer.chainage_m) <= PEAK_M
+    return _best(places.take(~(same & (places.sign == answer.sign))))
+
+
+def _best(places: Places) -> Place:
+    best = int(places.score.argmax())
+    road, sign = places.where[:, best].tolist()
+    return Place(road, sign, float(places.chainage_m[best]))
