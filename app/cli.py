@@ -22,6 +22,7 @@ COMMANDS: dict[str, str] = {
     "import": "app.commands.import_",
     "build": "app.commands.build",
     "locate": "app.commands.locate",
+    "coverage": "app.commands.coverage",
     "roads": "app.commands.roads",
     "simulate": "app.commands.simulate",
     "evaluate": "app.commands.evaluate",

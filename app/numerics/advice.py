@@ -22,7 +22,8 @@ from app.numerics.geodesy import Floats
 WRONG_M = 250.0  # a wrong road of a grid is off by two blocks: nine in ten by less than this
 ONE_DAY_M = 15.0  # median error where all passes are of one day against two days: 25 and 10 m
 ONE_WAY_M = 6.0  # 5 to 8 % fewer right roads against the way that was driven, every other window
-LEAST_WORTH_M = 1.0  # a drive that takes less off the error is not worth it
+ENOUGH = 3  # row of `ROAD_RIGHT` from which on more passes change little
+LEAST_WORTH_M = 5.0  # a drive that takes less off the error is not worth it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,18 +117,15 @@ def reason(passes: tuple[int, int], days: int, way: str | None) -> str:
         return "never driven: no window can be located here"
     words = [f"driven {_times(fewest, most)}"]
     if days <= 1 and most > 1:
-        words.append("on one day only, and another day differs")
+        words.append("all on one day")
     if way is not None:
         words.append(f"only {way}")
     told = ", ".join(words)
     row = int(pass_class(np.array([fewest]))[0])
-    if row + 2 >= len(ROAD_RIGHT):
+    if row >= ENOUGH:
         return told
-    now, best = ROAD_RIGHT[row][1], ROAD_RIGHT[-2]
-    return (
-        f"{told}; with so few passes {now:.0%} of windows found their road in tests, "
-        f"with {best[0]} and more {best[1]:.0%}"
-    )
+    now, (least, then) = ROAD_RIGHT[row][1], ROAD_RIGHT[ENOUGH]
+    return f"{told}; {now:.0%} of windows find the road with so few passes, {then:.0%} with {least}"
 
 
 def advise(ground: Ground, most: int = 10) -> list[Advice]:
@@ -172,8 +170,8 @@ def _percentiles(error_m: Floats, length_m: Floats) -> dict[str, float]:
 
 
 def _times(fewest: int, most: int) -> str:
-    if most == 1:
-        return "once"
+    if fewest == most <= 2:
+        return ("never", "once", "twice")[most]
     return f"{most} times" if fewest == most else f"{fewest} to {most} times"
 
 
