@@ -38,6 +38,7 @@ from app.numerics.geodesy import Floats
 name = "rwknn"
 
 NEIGHBOURS = 3
+SAME_DB2_DIGITS = 6  # distances that agree so far are the same
 LEAST_DB2 = 1.0  # two vectors nearer than this are the same
 MOST_STEPS = 40  # a longer window is walked at this many of its samples
 
@@ -101,7 +102,9 @@ class Rwknn:
         self, readings: Float[np.ndarray, "steps cells"]
     ) -> Float[np.ndarray, "steps points"]:
         cross = readings @ self._levels.T
-        return np.maximum(self._norm - 2.0 * cross + (readings**2).sum(axis=1)[:, None], 0.0)
+        squared = self._norm - 2.0 * cross + (readings**2).sum(axis=1)[:, None]
+        # Whole decibels make many ties; without rounding, each processor would break its own.
+        return np.maximum(squared.round(SAME_DB2_DIGITS), 0.0)
 
     def _nearest(self, squared_db2: Floats, last: _Fix | None, way_m: float) -> np.ndarray:
         """The nearest points that can be reached; of all where none fits well."""
@@ -109,7 +112,7 @@ class Rwknn:
         if last is not None:
             reach_m = way_m + self.parameters.slack_m
             away = (points.x_m - last.x_m) ** 2 + (points.y_m - last.y_m) ** 2
-            near = np.flatnonzero(away <= reach_m**2)
+            near = np.flatnonzero(away <= reach_m**2 + 1e-6)
             if len(near) >= NEIGHBOURS:
                 inside = squared_db2[near]
                 given_up = self.parameters.restart**2 * (squared_db2.min() + LEAST_DB2)
