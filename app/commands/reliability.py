@@ -30,7 +30,7 @@ def _places(found: Document) -> str:
 
 def _probabilities(found: Document) -> str:
     held = " and ".join(
-        f"{_share(each['share'])} at {each['confidence']:.0%}"
+        f"{_share(each['share'])} at {100.0 * each['confidence']:.0f} %"
         for each in found["position"]["coverage"]
         if each["confidence"] in (0.68, 0.95)
     )

@@ -25,6 +25,7 @@ INTERFACE = {
     "/v1/maps": {"get"},
     "/v1/maps/active": {"get", "put"},
     "/v1/maps/{version}/reliability": {"get"},
+    "/v1/coverage": {"get"},
     "/v1/roads": {"get"},
     "/v1/roads/{road_id}": {"get", "put"},
     "/v1/roads/{road_id}/segments": {"get"},

@@ -141,7 +141,7 @@ def test_a_build_ends_in_three_lines(service: Service):
     assert "200 held-out windows (150 driven on another day)" in places
     assert "3.2 m" in places
     assert "1.3 %" in probabilities
-    assert "67.0 % at 68%" in probabilities
+    assert "67.0 % at 68 %" in probabilities
     assert "AUROC 0.970" in off_map
     assert note.startswith("note: ")
     empty = reliability_document(get_map(service.engine, build_with(service, Calibration())))
