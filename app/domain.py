@@ -172,7 +172,7 @@ class Reliability:
     Attributes:
         measured_count: Of the windows, those of other days than their curves; the rest are drawn.
         road_right: Share whose most probable road was the true one.
-        ece: Expected calibration error of the road's posterior (Naeini et al. 2015), 0..1.
+        ece: Expected calibration error of the road's posterior (Naeini et al. 2015).
         curve: Of ten bins of the road's posterior: its mean, share right, windows.
         coverage: Pairs of confidence and share of windows whose radius held the truth.
         refused: Share answered as off the map though they were on it.
@@ -200,8 +200,7 @@ class Calibration:
 
     Attributes:
         information_once, information_each: A window whose samples weigh ``w`` says as much as
-            ``information_once + information_each w`` independent ones, and no more than it has:
-            neighbours share shadowing, a whole window what has changed since the survey.
+            ``information_once + information_each w`` independent ones, and no more than it has.
         offset_sd_db: Spread of the survey devices' offsets.
         position_sd_m: Error of surveyed positions along the road.
         off_map: Log odds of being on the map, see `app.numerics.offmap.off_map_terms`.
