@@ -19,6 +19,7 @@ COMMANDS: dict[str, str] = {
     "serve": "app.commands.serve",
     "worker": "app.commands.worker",
     "demo": "app.commands.demo",
+    "doctor": "app.commands.doctor",
     "import": "app.commands.import_",
     "build": "app.commands.build",
     "locate": "app.commands.locate",

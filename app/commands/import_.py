@@ -67,7 +67,7 @@ def import_(
     survey drives are taken in. Importing the same files again changes nothing.
     """
     wishes = Wishes(
-        options=Options(zone=_zone(time_zone), device=device, fast=True),
+        options=Options(zone=zone_of(time_zone), device=device, fast=True),
         road_id=road_id,
         format=_known(format_),
         keep_going=keep_going,
@@ -102,7 +102,13 @@ def _refuse_missing(path: Path) -> None:
     raise typer.Exit(USAGE)
 
 
-def _zone(name: str) -> ZoneInfo:
+def zone_of(name: str) -> ZoneInfo:
+    """
+    The time zone that somebody named.
+
+    Raises:
+        typer.Exit: `USAGE` when there is none of that name.
+    """
     try:
         return ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError):
