@@ -28,7 +28,8 @@ from app.domain import Calibration, RadioMap, Road, RoadModel, Trace, Window
 from app.evaluation import realdata
 from app.evaluation.dataset import is_dataset, read_roads
 from app.evaluation.passes import cut_windows, load_test_drives
-from app.evaluation.tidy import Account, read_passes
+from app.evaluation.tidy import read_passes
+from app.formats.account import Account
 from app.numerics.calibration import calibrate
 from app.numerics.geodesy import LocalFrame, distance_m
 from app.numerics.index import MapIndex
