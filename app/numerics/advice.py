@@ -8,9 +8,8 @@ a measured difference (`app.numerics.expectation.ROAD_RIGHT`), times the stretch
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -130,11 +129,19 @@ def reason(passes: tuple[int, int], days: int, way: str | None) -> str:
 
 def advise(ground: Ground, most: int = 10) -> list[Advice]:
     """The stretches most worth a drive, neighbours of one kind joined; the best first."""
+    starts = _starts(ground)
+    if not len(starts):
+        return []
+    ends = np.append(starts[1:], len(ground.road_id))
     gain = gain_m(ground)
-    found = [_joined(ground, gain, first, end) for first, end in _runs(ground)]
-    worth = [one for one in found if one.gain_m >= LEAST_WORTH_M]
-    worth.sort(key=lambda one: (-one.gain_m * (one.end_m - one.start_m), one.road_id, one.start_m))
-    return worth[:most]
+    worth = np.add.reduceat(gain * ground.length_m, starts)
+    length_m = np.add.reduceat(ground.length_m, starts)
+    enough = np.flatnonzero((worth >= LEAST_WORTH_M * length_m) & (worth > 0.0))
+    best = enough[np.argsort(-worth[enough], kind="stable")[:most]]
+    return [
+        _joined(ground, gain, first, end)
+        for first, end in zip(starts[best].tolist(), ends[best].tolist(), strict=True)
+    ]
 
 
 def summarise(ground: Ground) -> CoverageSummary:
@@ -176,23 +183,24 @@ def _times(fewest: int, most: int) -> str:
 
 
 def _way(ground: Ground, at: int) -> str | None:
-    if not ground.one_way[at]:
+    forward, passes = int(ground.forward[at]), int(ground.passes[at])
+    if passes <= 0 or 0 < forward < passes:
         return None
-    return "forward" if ground.forward[at] else "backward"
+    return "forward" if forward else "backward"
 
 
-def _runs(ground: Ground) -> Iterator[tuple[int, int]]:
-    """First and end of each run of neighbours that deserve the same words."""
-    row = pass_class(ground.passes).tolist()
-    kinds = [
-        (road, row[at], ground.days[at] > 1, _way(ground, at))
-        for at, road in enumerate(ground.road_id)
-    ]
-    first = 0
-    for _, run in groupby(kinds):
-        end = first + len(list(run))
-        yield first, end
-        first = end
+def _starts(ground: Ground) -> Int[np.ndarray, " runs"]:
+    """First of each run of neighbours that deserve the same words."""
+    if not len(ground.road_id):
+        return np.zeros(0, dtype=int)
+    road = np.array(ground.road_id)
+    one_way = np.where(ground.one_way, np.where(ground.forward > 0, 1, 2), 0)
+    kinds = (pass_class(ground.passes), ground.days > 1, one_way)
+    new = np.ones(len(road), dtype=bool)
+    new[1:] = road[1:] != road[:-1]
+    for kind in kinds:
+        new[1:] |= kind[1:] != kind[:-1]
+    return np.flatnonzero(new)
 
 
 def _joined(ground: Ground, gain: Floats, first: int, end: int) -> Advice:
