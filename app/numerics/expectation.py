@@ -27,7 +27,7 @@ FARTHEST_M = 200.0  # no window says less of a place than its own length
 
 # Passes over a place, and the share of windows of 200 m that found their road there: 2,121 windows
 # of survey passes held out by day, 17 streets of a grid (docs/surveying.md has the table).
-ROAD_RIGHT = ((0, 0.0), (1, 0.75), (2, 0.82), (4, 0.95), (7, 0.96))
+ROAD_RIGHT = ((0, 0.0), (1, 0.78), (2, 0.83), (4, 0.95))
 
 
 def pass_class(passes: Int[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:

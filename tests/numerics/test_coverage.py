@@ -165,7 +165,7 @@ def test_neighbours_of_one_kind_are_one_advice():
     assert places == [("a", 0.0, 100.0), ("a", 100.0, 150.0), ("b", 0.0, 50.0)]
     assert found[0].reason == "never driven: no window can be located here"
     assert found[0].expected_error_m is None
-    assert found[1].reason.startswith("driven once, only backward; 75%")
+    assert found[1].reason.startswith("driven once, only backward; 78%")
 
 
 def test_one_day_and_one_way_are_named():
