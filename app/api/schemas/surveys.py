@@ -48,7 +48,7 @@ class SurveyRequest(BaseModel):
     )
     global_ids: dict[SurveyCell, SurveyCell] | None = Field(
         default=None,
-        description="What some of `cells` are called worldwide; kept, and nothing is matched by it.",
+        description="What some of `cells` are called worldwide; kept, not matched.",
         examples=[{"850:293": "310-410-26385408"}],
     )
     time_s: Numbers = Field(description="Seconds, non-decreasing, any origin.")
