@@ -126,7 +126,7 @@ def test_a_defect_shows_nothing_of_the_inside(
         raise RuntimeError("the secret of the inside")
 
     monkeypatch.setattr("app.api.routes.surveys.list_surveys", broken)
-    monkeypatch.setattr("app.api.routes.locate.locate", broken)
+    monkeypatch.setattr("app.api.routes.locate.located_document", broken)
     headers = {"X-Request-ID": "defect-1"}
     if path == "/v1/locate":
         answer = shared.client.post(path, json=window_json(), headers=headers)
