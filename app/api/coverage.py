@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.api.documents import line_document
+from app.api.documents import geometry_document
 from app.domain import Line
 from app.numerics.expectation import WINDOW_M
 from app.services.coverage import Advice, Coverage, CoverageSummary, Stretch
@@ -36,7 +36,7 @@ def _feature(one: Stretch) -> Document:
     return {
         "type": "Feature",
         "id": one.road_id if whole else f"{one.road_id}/{one.segment_index}",
-        "geometry": line_document(one.line),
+        "geometry": geometry_document(one.line),
         "properties": {
             "road_id": one.road_id,
             "name": one.name,
@@ -85,5 +85,5 @@ def _worth(one: Advice, line: Line | None) -> Document:
         "gain_m": one.gain_m,
         "expected_error_m": one.expected_error_m,
         "reason": one.reason,
-        "geometry": line_document(line),
+        "geometry": geometry_document(line),
     }

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from app.domain import FEATURE_KINDS, FEATURE_UNITS, Curve, Line, Segment, Trace
-from app.numerics.lines import slice_line
+from app.numerics.lines import parts_in_range, slice_line
 from app.services.builds import BuildState
 from app.services.ingest import Accepted
 from app.services.maps import MapVersion
@@ -110,6 +110,15 @@ def line_document(line: Line | None) -> Document | None:
     return {"type": "LineString", "coordinates": np.column_stack([line.lon, line.lat])}
 
 
+def geometry_document(line: Line | None) -> Document | None:
+    """A line as GeoJSON draws it: in two parts where it crosses the antimeridian."""
+    parts = [] if line is None else parts_in_range(line)
+    if len(parts) < 2:
+        return line_document(parts[0]) if parts else None
+    coordinates = [np.column_stack([part.lon, part.lat]) for part in parts]
+    return {"type": "MultiLineString", "coordinates": coordinates}
+
+
 def road_document(road: RoadSummary) -> Document:
     """A `RoadDocument`."""
     return {
@@ -166,10 +175,11 @@ def _fit_document(curve: Curve) -> Document:
 def feature(identity: str, document: Document, geometry: str) -> Document:
     """A GeoJSON Feature of a document whose member ``geometry`` holds its line."""
     properties = {name: value for name, value in document.items() if name != geometry}
+    drawn = document[geometry]
     return {
         "type": "Feature",
         "id": identity,
-        "geometry": document[geometry],
+        "geometry": drawn and geometry_document(Line(*drawn["coordinates"].T)),
         "properties": properties,
     }
 

@@ -79,11 +79,24 @@ def _roads_of_feature(feature: dict[str, Any]) -> Iterator[Road]:
     parts = [geometry["coordinates"]] if kind == "LineString" else geometry["coordinates"]
     named = properties.get("road_id", feature.get("id", properties.get("id")))
     name = properties.get("name")
+    parts = _rejoined(parts)
     for number, coordinates in enumerate(parts):
         line = _line(coordinates)
         road_id = str(named) if named not in {None, ""} else _id_of(line)
         suffix = f"-{number + 1}" if len(parts) > 1 else ""
         yield Road(road_id + suffix, str(name) if name else None, line)
+
+
+def _rejoined(parts: list[Any]) -> list[Any]:
+    """Parts of one line that was cut at the antimeridian, as RFC 7946 wants it, in one again."""
+    whole = parts[:1]
+    for part in parts[1:]:
+        (lon, lat), (next_lon, next_lat) = whole[-1][-1][:2], part[0][:2]
+        if abs(lon) == 180.0 and next_lon == -lon and lat == next_lat:
+            whole[-1] = [*whole[-1][:-1], *part[1:]]  # the seam is no vertex of the road's
+        else:
+            whole.append(part)
+    return whole
 
 
 def _line(coordinates: Any) -> Line:

@@ -38,6 +38,15 @@ def wrap_longitude_deg(lon: ArrayLike) -> Floats:
     return (np.asarray(lon, dtype=float) + 180.0) % 360.0 - 180.0
 
 
+def mean_longitude_deg(lon: ArrayLike) -> float:
+    """The middle of meridians that lie within half the earth, across the antimeridian too."""
+    degrees = np.asarray(lon, dtype=float)
+    if np.ptp(degrees) <= 180.0:
+        return float(np.mean(degrees))
+    first = float(degrees.flat[0])
+    return float(wrap_longitude_deg(first + np.mean(wrap_longitude_deg(degrees - first))))
+
+
 def metres_per_degree(lat: ArrayLike) -> XY:
     """
     Length of one degree eastward (``x_m``) and northward (``y_m``) at a latitude.

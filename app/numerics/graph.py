@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 from app.domain import Line
 from app.numerics.geodesy import LocalFrame
 from app.numerics.lines import vertex_chainage_m
+from app.numerics.neighbourhoods import neighbourhoods
 
 REACH_M = 20.0  # lines that meet on the ground pass each other by less: lane, receiver, drawing
 PIECE_M = 60.0  # lines are compared in pieces this short: few pairs are near without meeting
@@ -44,11 +45,11 @@ class RoadGraph:
         """
         The graph of roads with these lines.
 
-        One spatial grid for all: 1,000 roads of a city take some 50 ms.
+        One plane and spatial grid a neighbourhood: 1,000 roads of a city take some 50 ms.
         """
         found: list[list[Link]] = [[] for _ in lines]
-        pieces = _cut(lines)
-        if pieces is not None:
+        for group in neighbourhoods(lines):
+            pieces = _cut(lines, group)
             first, second = _near_pairs(pieces)
             for one, other, one_m, other_m in _meetings(pieces, first, second):
                 found[one].append(Link(one_m, other, other_m))
@@ -68,12 +69,13 @@ class _Pieces:
     length_m: Float[np.ndarray, " pieces"]
 
 
-def _cut(lines: Sequence[Line]) -> _Pieces | None:
-    if not lines:
-        return None
-    frame = LocalFrame(float(lines[0].lon[0]), float(lines[0].lat[0]))
+def _cut(lines: Sequence[Line], group: Sequence[int]) -> _Pieces:
+    """The lines of these numbers, in a plane of their own."""
+    first = lines[group[0]]
+    frame = LocalFrame(float(first.lon[0]), float(first.lat[0]))
     columns: list[list[np.ndarray]] = [[] for _ in range(5)]
-    for number, line in enumerate(lines):
+    for number in group:
+        line = lines[number]
         plane, at_m = frame.to_xy(line.lon, line.lat), vertex_chainage_m(line)
         count = np.maximum(np.ceil(np.diff(at_m) / PIECE_M), 1).astype(int)
         piece = np.repeat(np.arange(len(count)), count)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 
-from app.numerics.geodesy import Floats, metres_per_degree
+from app.numerics.geodesy import Floats, metres_per_degree, wrap_longitude_deg
 
 SQUARE_M = 15.0
 STEP_M = 7.5  # between points of a path: no square is jumped over
@@ -124,7 +124,8 @@ def _none() -> Squares:
 def _keys(lon: Floats, lat: Floats) -> Keys:
     """Number of the square that each point lies in."""
     scale = metres_per_degree((np.floor(lat / ROW_DEG) + 0.5) * ROW_DEG)
-    column = np.floor((lon + 180.0) * scale.x_m / SQUARE_M).astype(np.int64)
+    east_deg = wrap_longitude_deg(lon) + 180.0
+    column = np.floor(east_deg * scale.x_m / SQUARE_M).astype(np.int64)
     return _row(lat) * (1 << 32) + column
 
 
@@ -133,7 +134,7 @@ def _row(lat: Floats) -> Keys:
 
 
 def _headings(lon: Floats, lat: Floats) -> NDArray[np.complex64]:
-    east = np.gradient(lon) * metres_per_degree(lat).x_m
+    east = np.gradient(np.unwrap(lon, period=360.0)) * metres_per_degree(lat).x_m
     way = east + 1j * np.gradient(lat) * metres_per_degree(lat).y_m
     return np.asarray(way / np.maximum(np.abs(way), 1e-9), np.complex64)
 

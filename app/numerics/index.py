@@ -16,9 +16,10 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, RadioMap, RoadModel
 from app.numerics import native
-from app.numerics.geodesy import Floats, LocalFrame
+from app.numerics.geodesy import Floats, LonLat
 from app.numerics.graph import RoadGraph
 from app.numerics.lines import headings_deg, point_at
+from app.numerics.neighbourhoods import planes
 from app.numerics.observation import OffsetPrior, Profile, profile
 from app.numerics.salient import Salient
 from app.numerics.tapes import lay_tapes
@@ -49,8 +50,10 @@ class Atlas:
     Geometry of all grid positions, road after road; ``start[road]`` is a road's first.
 
     Attributes:
-        plane: Five rows: x and y in the map's local frame, metres; longitude and latitude; compass
-            heading of growing chainage, degrees.
+        plane: Five rows: x and y in metres, true within a neighbourhood
+            (`app.numerics.neighbourhoods`); longitude and latitude; compass heading of growing
+            chainage, degrees. Longitudes of a road across the antimeridian run on beyond 180.
+        wraps: Whether any of them does.
         segment: Index of the sub-segment on its road; a boundary belongs to the later one.
     """
 
@@ -59,6 +62,7 @@ class Atlas:
     step_m: Floats
     plane: Float[np.ndarray, "5 grid"]
     segment: Int[np.ndarray, " grid"]
+    wraps: bool
 
     def spot(self, road: np.ndarray, chainage_m: np.ndarray) -> Spot:
         """Grid positions below chainages, and the share of the way to the next."""
@@ -83,7 +87,7 @@ class Spot:
 class MapIndex:
     """A whole map version, immutable after `build`."""
 
-    def __init__(self, radio_map: RadioMap, roads: Sequence[RoadIndex], frame: LocalFrame) -> None:
+    def __init__(self, radio_map: RadioMap, roads: Sequence[RoadIndex]) -> None:
         self.version = radio_map.version
         self.calibration = radio_map.calibration
         self.offset_prior = OffsetPrior.learnt(radio_map.calibration.offset_sd_db)
@@ -92,7 +96,7 @@ class MapIndex:
         self.road_ids = tuple(road.road_id for road in roads)
         self.lengths_m = np.array([road.length_m for road in roads])
         self.cells = frozenset().union(*(road.column for road in roads)) if roads else frozenset()
-        self.atlas = _draw_atlas(radio_map.models, frame)
+        self.atlas = _draw_atlas(radio_map.models)
         self.lines = tuple(model.line for model in radio_map.models)
         self.graph = RoadGraph.of(self.lines)
         self.tapes = lay_tapes(radio_map.models)
@@ -108,13 +112,7 @@ class MapIndex:
     @classmethod
     def build(cls, radio_map: RadioMap) -> MapIndex:
         """Lay out a map version for matching; numpy only, some 10 ms a road."""
-        lines = [model.line for model in radio_map.models]
-        frame = LocalFrame(
-            float(np.mean([line.lon[0] for line in lines])) if lines else 0.0,
-            float(np.mean([line.lat[0] for line in lines])) if lines else 0.0,
-        )
-        roads = [_road(i, model) for i, model in enumerate(radio_map.models)]
-        return cls(radio_map, roads, frame)
+        return cls(radio_map, [_road(i, model) for i, model in enumerate(radio_map.models)])
 
 
 def _road(number: int, model: RoadModel) -> RoadIndex:
@@ -145,13 +143,13 @@ def road_profile(
     return profile(mean, spread, hearing, outside)
 
 
-def _draw_atlas(models: Sequence[RoadModel], frame: LocalFrame) -> Atlas:
+def _draw_atlas(models: Sequence[RoadModel]) -> Atlas:
     sizes = np.array([len(model.mean_dbm) for model in models], dtype=np.intp)
     columns: list[list[Floats]] = []
-    for model in models:
+    for model, plane_of in zip(models, planes([model.line for model in models]), strict=True):
         grid_m = np.arange(len(model.mean_dbm)) * model.step_m
-        where = point_at(model.line, grid_m)
-        plane = frame.to_xy(where.lon, where.lat)
+        where = _running_on(point_at(model.line, grid_m))
+        plane = plane_of.to_xy(where)
         inner_m = np.array([segment.start_m for segment in model.segments[1:]])
         segment = np.searchsorted(inner_m, grid_m, side="right").astype(float)
         heading = headings_deg(model.line, grid_m)
@@ -163,4 +161,12 @@ def _draw_atlas(models: Sequence[RoadModel], frame: LocalFrame) -> Atlas:
         step_m=np.array([model.step_m for model in models]),
         plane=np.stack(drawn[:5]),
         segment=drawn[5].astype(np.intp),
+        wraps=bool(np.any(drawn[2] >= 180.0)),
     )
+
+
+def _running_on(where: LonLat) -> LonLat:
+    """Longitudes without the step of the antimeridian, so that one may go straight between them."""
+    if np.ptp(where.lon) <= 180.0:
+        return where
+    return LonLat(np.where(where.lon < 0.0, where.lon + 360.0, where.lon), where.lat)

@@ -13,6 +13,7 @@ from app.numerics.geodesy import (
     LocalFrame,
     LonLat,
     distance_m,
+    mean_longitude_deg,
     metres_per_degree,
     wrap_longitude_deg,
 )
@@ -47,7 +48,7 @@ def point_at(line: Line, chainage_m: ArrayLike) -> LonLat:
     """Degrees at chainages; beyond an end, that end."""
     at_m, wanted_m = vertex_chainage_m(line), np.asarray(chainage_m, dtype=float)
     lon = line.lon[0] + np.interp(wanted_m, at_m, _unwrapped_lon(line) - line.lon[0])
-    lon = np.where(np.abs(lon) > 180.0, (lon + 180.0) % 360.0 - 180.0, lon)
+    lon = np.where((lon < -180.0) | (lon >= 180.0), wrap_longitude_deg(lon), lon)
     return LonLat(lon, np.interp(wanted_m, at_m, line.lat))
 
 
@@ -97,12 +98,44 @@ def project(line: Line, lon: ArrayLike, lat: ArrayLike) -> Projection:
     return Projection(chainage_m, side * away[row, piece])
 
 
+def parts_in_range(line: Line) -> list[Line]:
+    """
+    The line cut where it crosses the antimeridian, as GeoJSON wants it (RFC 7946, 3.1.9).
+
+    Parts meet there: one ends on the meridian of 180 or -180 degrees, the next begins on the other.
+    """
+    lon = _unwrapped_lon(line)
+    turn = np.floor((lon + 180.0) / 360.0)
+    cuts = np.flatnonzero(np.diff(turn))
+    if not len(cuts):
+        return [line]
+    parts, begin = [], 0
+    head = np.zeros((0, 2))
+    for cut in [*cuts.tolist(), None]:
+        end = len(lon) if cut is None else cut + 1
+        inner = np.stack([lon[begin:end] - 360.0 * turn[begin], line.lat[begin:end]], axis=1)
+        rows = [head, inner]
+        if cut is not None:
+            side = 180.0 if turn[end] > turn[begin] else -180.0
+            seam = 360.0 * max(turn[begin], turn[end]) - 180.0
+            share = (seam - lon[cut]) / (lon[end] - lon[cut])
+            lat = line.lat[cut] + share * (line.lat[end] - line.lat[cut])
+            rows.append(np.array([[side, lat]]))
+            head = np.array([[-side, lat]])
+        drawn = np.concatenate(rows)
+        fresh = np.append(True, np.any(np.diff(drawn, axis=0) != 0.0, axis=1))
+        if np.count_nonzero(fresh) > 1:  # a vertex on the antimeridian itself is no part
+            parts.append(Line(*np.ascontiguousarray(drawn[fresh].T)))
+        begin = end
+    return parts
+
+
 def _unwrapped_lon(line: Line) -> Floats:
     return np.degrees(np.unwrap(np.radians(line.lon)))
 
 
 def z_order(line: Line) -> int:
     """Interleaved bits of the line's middle, so that near roads get near numbers."""
-    x = int((float(np.mean(line.lon)) + 180.0) / 360.0 * (1 << 24))
+    x = int((mean_longitude_deg(line.lon) + 180.0) / 360.0 * (1 << 24))
     y = int((float(np.mean(line.lat)) + 90.0) / 180.0 * (1 << 24))
     return sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(24))

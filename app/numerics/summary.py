@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
 from app.numerics import native
+from app.numerics.geodesy import wrap_longitude_deg
 from app.numerics.index import MapIndex, Spot
 from app.numerics.posterior import NEGLIGIBLE as NEGLIGIBLE_PLACE
 from app.numerics.posterior import Places, masses, radius_m
@@ -59,7 +60,20 @@ def summarise(
         in_c: Use the kernel in C; without, the numpy code that defines it.
     """
     if in_c:
-        return _summarise_in_c(index, places, temperature, confidence)
+        told = _summarise_in_c(index, places, temperature, confidence)
+    else:
+        told = _summarise(index, places, temperature, confidence)
+    return _on_the_earth(told) if index.atlas.wraps else told
+
+
+def _on_the_earth(told: Summary) -> Summary:
+    """The same with longitudes in [-180, 180): those of an atlas may run on beyond."""
+    lon, *others = wrap_longitude_deg([told.lon, *(rival[5] for rival in told.rivals)]).tolist()
+    rivals = [(*rival[:5], each, rival[6]) for rival, each in zip(told.rivals, others, strict=True)]
+    return replace(told, lon=lon, rivals=rivals)
+
+
+def _summarise(index: MapIndex, places: Places, temperature: float, confidence: float) -> Summary:
     mass = masses(places, temperature)
     road, road_mass = _best_road(index, places, mass)
     # The highest score is the highest density: a place's mass also grows with its length of road.

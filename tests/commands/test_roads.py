@@ -128,6 +128,20 @@ def test_geojson_lines_are_roads_as_they_are_drawn(tmp_path):
     ]
 
 
+def test_a_line_that_was_cut_at_the_antimeridian_is_one_road(tmp_path):
+    """Parts that meet on 180 degrees are joined; others of a MultiLineString are roads each."""
+    parts = [[[179.999, -16.85], [180.0, -16.8505]], [[-180.0, -16.8505], [-179.998, -16.851]],
+             [[-179.9, -16.85], [-179.8, -16.85]]]  # fmt: skip
+    cut = {"type": "Feature", "properties": {"road_id": "main"},
+           "geometry": {"type": "MultiLineString", "coordinates": parts}}  # fmt: skip
+    path = tmp_path / "taveuni.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [cut]}))
+    found = {road.road_id: road.line for road in read_network(path)}
+    assert found["main-1"].lon.tolist() == [179.999, -179.998]
+    assert length_m(found["main-1"]) == pytest.approx(338.0, abs=2.0)
+    assert found["main-2"].lon.tolist() == [-179.9, -179.8]
+
+
 def test_a_line_without_an_id_gets_one_of_its_own(tmp_path):
     """The same line has the same id in every file, another line another."""
     line = {"type": "LineString", "coordinates": STREET}

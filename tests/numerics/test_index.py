@@ -59,7 +59,6 @@ def on_taveuni(models):
         yield replace(model, line=Line(np.asarray(ends.lon), np.asarray(ends.lat)))
 
 
-@pytest.mark.xfail(strict=True, reason="the map's frame and its columns of degrees do not wrap")
 def test_roads_on_both_sides_of_the_antimeridian_are_neighbours():
     """On Taveuni fixes lie on the island, with radii of metres, not in Greenwich."""
     models = gentle_models(510)[:2]
@@ -82,9 +81,6 @@ def test_chainages_do_not_mind_the_antimeridian():
         assert there.chainage_m == pytest.approx(here.chainage_m, abs=1e-6)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="one scale of longitude serves the map, at its mean latitude"
-)
 def test_a_far_town_changes_no_radius():
     """A road of another continent in the map leaves positions and radii where they were."""
     models = gentle_models(520)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,11 +11,12 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from app.domain import Line
-from app.numerics.geodesy import LocalFrame, distance_m
+from app.numerics.geodesy import LocalFrame, distance_m, wrap_longitude_deg
 from app.numerics.lines import (
     heading_deg,
     headings_deg,
     length_m,
+    parts_in_range,
     point_at,
     project,
     slice_line,
@@ -194,3 +197,29 @@ def test_places_across_the_antimeridian_stay_beside_it():
     place = point_at(line, np.linspace(0.0, length_m(line), 300))
     assert np.abs(place.lon).min() > 179.0
     assert np.abs(place.lon).max() <= 180.0
+
+
+@pytest.mark.parametrize("shift_deg", [0.0, 1e-9, 3e-4, -3e-4])
+def test_parts_of_a_line_are_the_line(shift_deg):
+    """Cut at the antimeridian nothing is lost, parts meet there, and none runs round the earth."""
+    zigzag = np.array([-2.0, -1.0, 0.0, 1.0, 0.5, -0.5, -1.0, 2.0, 3.0]) * 4e-4
+    lon = np.asarray(wrap_longitude_deg(180.0 + shift_deg + zigzag))
+    line = Line(lon, -16.85 + 1e-4 * np.arange(len(lon)))
+    parts = parts_in_range(line)
+    assert len(parts) > 2
+    assert sum(map(length_m, parts)) == pytest.approx(length_m(line), rel=1e-9)
+    for one, other in pairwise(parts):
+        assert abs(one.lon[-1]) == 180.0
+        assert (one.lon[-1], one.lat[-1]) == (-other.lon[0], other.lat[0])
+    for part in parts:
+        assert len(part.lon) > 1
+        assert np.ptp(part.lon) < 0.01
+
+
+def test_a_line_that_does_not_cross_is_one_part():
+    """Elsewhere, and up to the antimeridian from either side, a line stays as it is."""
+    for lon in ([10.0, 10.1, 10.2], [-179.9, -180.0], [179.9, 179.8]):
+        line = Line(np.array(lon), np.zeros(len(lon)))
+        assert parts_in_range(line) == [line]
+    (kept,) = parts_in_range(Line(np.array([179.9, 180.0]), np.zeros(2)))
+    assert kept.lon.tolist() == [179.9, 180.0]

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from app.api.schemas.roads import LineString
+from app.api.schemas.roads import LineString, MultiLineString
 
 
 class CoverageProperties(BaseModel):
@@ -46,7 +46,9 @@ class CoverageFeature(BaseModel):
 
     type: Literal["Feature"] = "Feature"
     id: str
-    geometry: LineString | None = Field(description="null: nobody drew or drove the road yet.")
+    geometry: LineString | MultiLineString | None = Field(
+        description="null: nobody drew or drove the road yet."
+    )
     properties: CoverageProperties
 
 
@@ -78,7 +80,7 @@ class WorthADrive(BaseModel):
     gain_m: float = Field(description="What one drive takes off the error, wrong roads included.")
     expected_error_m: float | None
     reason: str
-    geometry: LineString | None
+    geometry: LineString | MultiLineString | None
 
 
 class CoverageSummary(BaseModel):

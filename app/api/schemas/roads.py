@@ -45,6 +45,13 @@ class LineString(BaseModel):
     coordinates: list[tuple[float, float]]
 
 
+class MultiLineString(BaseModel):
+    """A line that crosses the antimeridian, cut there (RFC 7946, 3.1.9); its parts in order."""
+
+    type: Literal["MultiLineString"] = "MultiLineString"
+    coordinates: list[list[tuple[float, float]]]
+
+
 class RoadDocument(BaseModel):
     """
     A road as the map has it.
@@ -148,7 +155,7 @@ class Feature(BaseModel):
 
     type: Literal["Feature"] = "Feature"
     id: str
-    geometry: LineString | None
+    geometry: LineString | MultiLineString | None
     properties: dict[str, Any]
 
 
