@@ -3,7 +3,7 @@ A worker whose fit takes a given time and makes a model up: python worker_progra
 
 It is started and killed by the tests of crashes. Roads named ``bad-...`` cannot be built, roads
 named ``broken-...`` have a fit that raises what it should not. Each fit leaves a line in
-``fits.log``: what was worked on, however often.
+``fits.log``, each finding of roads one in ``finds.log``: what was worked on, however often.
 """
 
 from __future__ import annotations
@@ -35,10 +35,16 @@ def main(data_dir: Path, seconds_a_road: float, database_url: str | None = None)
         cells = tuple(sorted({cell for trace in passes for cell in trace.cells}))
         return model_of(road.road_id, seed=len(passes), line=road.line or line_at(), cells=cells)
 
+    def find(driven, known, new_ids):
+        with (data_dir / "finds.log").open("a") as log:
+            log.write(f"{os.getpid()} {len(driven)}\n")
+        time.sleep(seconds_a_road)
+        return find_roads(driven, known, new_ids)
+
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     settings = Settings(data_dir=data_dir, database_url=database_url)
-    work(settings, stop, fit, lambda models: Calibration(window_count=len(models)), find_roads)
+    work(settings, stop, fit, lambda models: Calibration(window_count=len(models)), find)
     os._exit(0)
 
 
