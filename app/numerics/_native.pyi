@@ -32,6 +32,19 @@ def tape(
     step_m: float,
     likelihood: Likelihood,
     score: Singles,
+    arms: Wholes = ...,
+    parts: Singles = ...,
+    /,
+) -> None: ...
+def turns(
+    parts: Singles,
+    onto: Wholes,
+    off: Wholes,
+    room: Wholes,
+    first: int,
+    last: int,
+    likelihood: Likelihood,
+    score: Singles,
     /,
 ) -> None: ...
 def kept_by_mass(

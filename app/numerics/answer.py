@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
+import numpy as np
+from jaxtyping import Float
+
 from app.domain import Candidate, Direction, Fix
 from app.numerics.index import MapIndex
 from app.numerics.observation import offset_db
 from app.numerics.offmap import fit_per_reading, off_map_probability
-from app.numerics.posterior import RESIDUAL, SCORE, Places
+from app.numerics.posterior import RESIDUAL, SCORE, Places, raised
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
 
 
-def answer(index: MapIndex, query: Query, places: Places, confidence: float) -> Fix:
+def answer(
+    index: MapIndex,
+    query: Query,
+    places: Places,
+    confidence: float,
+    log_prior: Float[np.ndarray, " places"] | None = None,
+) -> Fix:
     """
     Tell the posterior over places as a fix.
 
     The road is the most probable one; the position is the mean of the posterior about its highest
     peak on that road, in one direction; the sub-segment is the one that holds it.
+
+    Args:
+        log_prior: Of each place, against any metre of the map; None = all are alike.
     """
     temperature = query.temperature(index.calibration)
-    told = summarise(index, places, temperature, confidence, in_c=query.told is not None)
+    ranked = places if log_prior is None else raised(places, temperature * log_prior)
+    told = summarise(index, ranked, temperature, confidence, in_c=query.told is not None)
     fit = fit_of_place(index, query, places, told.best)
     off_map = off_map_probability(index.calibration, fit, query.information(index.calibration))
     road, sign = index.roads[told.road], int(places.sign[told.peak])

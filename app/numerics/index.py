@@ -23,6 +23,7 @@ from app.numerics.neighbourhoods import planes
 from app.numerics.observation import OffsetPrior, Profile, profile
 from app.numerics.salient import Salient
 from app.numerics.tapes import lay_tapes
+from app.numerics.turns import Grounds, find_turns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +101,7 @@ class MapIndex:
         self.lines = tuple(model.line for model in radio_map.models)
         self.graph = RoadGraph.of(self.lines)
         self.tapes = lay_tapes(radio_map.models)
+        self.turns = find_turns(self.graph, _grounds(self), self.tapes)
 
     def recalibrated(self, calibration: Calibration) -> MapIndex:
         """The same roads under another calibration; arrays are shared."""
@@ -113,6 +115,11 @@ class MapIndex:
     def build(cls, radio_map: RadioMap) -> MapIndex:
         """Lay out a map version for matching; numpy only, some 10 ms a road."""
         return cls(radio_map, [_road(i, model) for i, model in enumerate(radio_map.models)])
+
+
+def _grounds(index: MapIndex) -> Grounds:
+    atlas = index.atlas
+    return Grounds(index.lengths_m, atlas.step_m, atlas.start, atlas.size, atlas.plane[4])
 
 
 def _road(number: int, model: RoadModel) -> RoadIndex:

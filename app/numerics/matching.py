@@ -10,16 +10,17 @@ over more than these, the rest of it stays as the coarse scale has it: no probab
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
 from app.domain import Fix, Window
 from app.numerics import native
-from app.numerics.alignment import align, score_positions
+from app.numerics.alignment import align
 from app.numerics.answer import answer
+from app.numerics.coarse import COARSE_FLATTENING, Coarse, neighbours, shortlist, shortlists
+from app.numerics.corners import TURN_SHARE, places_round_corners
 from app.numerics.index import MapIndex
 from app.numerics.observation import offset_gain
 from app.numerics.posterior import (
@@ -30,19 +31,14 @@ from app.numerics.posterior import (
     WEIGHT,
     WIDTH,
     Places,
-    kept_by_mass,
 )
 from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
-from app.numerics.tapes import BOTH, COARSE_STEPS_M, GAP, Tape
+from app.numerics.tapes import BOTH
 
-LEFT_OUT = 1e-4  # share of the coarse posterior that no answer counts
-COARSE_FLATTENING = 2.0  # coarse scores err; flattening them keeps what they would lose
+__all__ = ["COARSE_FLATTENING", "Coarse", "fine_places", "locate", "place", "shortlist"]
+
 JOINED_STEPS = 2.5  # stretches closer than this are aligned in one product
-MOST_KEPT = 4000  # coarse positions that an answer may count
-LOOKED_AT = 0.995  # share of the posterior that is aligned; the rest keeps its coarse scores
-MOST_ALIGNED = 96  # coarse positions, not counting neighbours: bounds the time of a query
-FLANK = 1  # neighbours on either side that are aligned with a position
 
 
 def locate(
@@ -60,117 +56,34 @@ def locate(
         The fix; its candidates' posteriors and ``off_map_posterior`` sum to 1.
     """
     query = ask(index, window, in_c=in_c)
-    places = fine_places(index, query, shortlist(index, query))
-    return answer(index, query, refine(index, query, places), confidence)
+    placed = place(index, query)
+    return answer(index, query, placed.places, confidence, placed.log_prior)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Coarse:
+class Placed:
     """
-    Coarse positions along each road in order, and their scores; ``step_m`` of road about each.
+    Where a window may end.
 
     Attributes:
-        closer: Which of them are worth aligning; None = all.
+        log_prior: What is known of each place beforehand, against any metre of a road that the
+            window lies along; None = nothing of any.
     """
 
-    road: Int[np.ndarray, " positions"]
-    sign: Int[np.ndarray, " positions"]
-    chainage_m: Float[np.ndarray, " positions"]
-    score: Float[np.ndarray, " positions"]
-    step_m: float
-    closer: Bool[np.ndarray, " positions"] | None = None
-
-    @property
-    def beside(self) -> Bool[np.ndarray, " pairs"]:
-        """Whether each position and the next are neighbours on a road."""
-        apart_m = np.diff(self.chainage_m)
-        near = (apart_m > 0.0) & (apart_m <= self.step_m)
-        return np.asarray(near & (np.diff(self.road) == 0) & (np.diff(self.sign) == 0))
-
-    def take(self, rows: np.ndarray) -> Coarse:
-        """The positions at these indices, or where a mask says so."""
-        closer = None if self.closer is None else self.closer[rows]
-        columns = (self.road[rows], self.sign[rows], self.chainage_m[rows], self.score[rows])
-        return Coarse(*columns, self.step_m, closer)
+    places: Places
+    log_prior: Float[np.ndarray, " places"] | None
 
 
-def shortlist(
-    index: MapIndex,
-    query: Query,
-    without: int | None = None,
-    foreseen: Callable[[Coarse], Coarse] | None = None,
-) -> Coarse:
-    """
-    The coarse positions that hold all but `LEFT_OUT` of the posterior, along each road in order.
-
-    Args:
-        without: Number of a road to leave out, as if the map lacked it.
-        foreseen: Adds to the scores what is known before the window is heard, see
-            `app.numerics.tracking`; it chooses positions and stays out of the scores returned.
-    """
-    size = next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
-    tapes = [tape for tape in index.tapes if not tape.salient.isdisjoint(query.cells)]
-    scored = [_score_tape(index, query, tape, size) for tape in tapes or index.tapes]
-    for tape, part in zip(tapes, scored, strict=False):
-        if not tape.column.keys() >= set(query.cells):
-            # Tapes compare only when each pays for the cells that none of its roads has heard.
-            part.score[:] += query.unmapped_score(tape.column.keys())
-    every = scored[0] if len(scored) == 1 else _joined(scored)
-    if without is not None:
-        every = every.take((every.road != without).nonzero()[0])
-    rank = every.score if foreseen is None else foreseen(every).score
-    flat = query.temperature(index.calibration) * COARSE_FLATTENING
-    keep = kept_by_mass if query.told is None else native.kept_by_mass
-    rows = keep(rank, flat, LEFT_OUT, MOST_KEPT)
-    kept = every.take(rows)
-    if len(rows) <= MOST_ALIGNED:
-        return kept
-    closer = np.zeros(len(rows), dtype=bool)
-    closer[keep(rank[rows], flat, 1.0 - LOOKED_AT, MOST_ALIGNED)] = True
-    for _ in range(FLANK):
-        closer |= _neighbours(closer, kept.beside)
-    return replace(kept, closer=closer)
-
-
-def _neighbours(
-    chosen: Bool[np.ndarray, " positions"], beside: Bool[np.ndarray, " pairs"]
-) -> Bool[np.ndarray, " positions"]:
-    """The positions beside those chosen."""
-    found = np.zeros_like(chosen)
-    found[1:] |= chosen[:-1] & beside
-    found[:-1] |= chosen[1:] & beside
-    return found
-
-
-def _score_tape(index: MapIndex, query: Query, tape: Tape, size: int) -> Coarse:
-    level = tape.levels[size]
-    if query.told is not None:
-        score = native.score_tape(
-            query.aimed(query.told, tape.column),
-            level.along.rows,
-            level.positions,
-            level.step_m,
-            index.likelihood,
-        )
-        return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
-    aim = query.aim(tape.column, level.step_m, joined=True)
-    rows = level.along.rows if aim.rows is None else level.along.rows[aim.rows]
-    behind = aim.behind[:, None]
-    ways = np.concatenate((level.positions - behind, level.positions + behind), axis=1)
-    factors = aim.factors.astype(np.float32)  # precise enough to choose what to look at closer
-    score, residual, weight = score_positions(rows, factors, ways)
-    score += offset_gain(residual, weight, index.offset_prior)
-    return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
-
-
-def _joined(parts: list[Coarse]) -> Coarse:
-    return Coarse(
-        np.concatenate([part.road for part in parts]),
-        np.concatenate([part.sign for part in parts]),
-        np.concatenate([part.chainage_m for part in parts]),
-        np.concatenate([part.score for part in parts]),
-        parts[0].step_m,
-    )
+def place(index: MapIndex, query: Query) -> Placed:
+    """Both scales, along roads and round corners."""
+    kept, corners = shortlists(index, query)
+    straight = refine(index, query, fine_places(index, query, kept))
+    if not corners:
+        return Placed(straight, None)
+    turned = places_round_corners(index, query, corners)
+    log_prior = np.zeros(len(straight) + len(turned))
+    log_prior[len(straight) :] = np.log(TURN_SHARE)
+    return Placed(Places.join((straight, turned)), log_prior)
 
 
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
@@ -197,7 +110,7 @@ def _elsewhere(index: MapIndex, kept: Coarse, closer: np.ndarray, highest: float
     Args:
         highest: Score of the best place aligned; a coarse score is no reason to look elsewhere.
     """
-    rest = kept.take(~(closer | _neighbours(closer, kept.beside)))
+    rest = kept.take(~(closer | neighbours(closer, kept.beside)))
     values = np.zeros((VALUES, len(rest.score)))
     values[CHAINAGE] = np.minimum(rest.chainage_m, index.lengths_m[rest.road])
     values[WIDTH], values[SCORE] = rest.step_m, np.minimum(rest.score, highest)

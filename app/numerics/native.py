@@ -31,7 +31,7 @@ try:
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 2  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 3  # a library left by an older version of the code is not used
 
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
@@ -113,10 +113,35 @@ def score_tape(
     positions: Int[np.ndarray, " positions"],
     step_m: float,
     terms: Likelihood,
+    arms: tuple[()] | tuple[Wholes, Float32[np.ndarray, "arms 3 ends"]] = (),
 ) -> Float32[np.ndarray, " scores"]:
-    """Scores of all positions of a tape in one direction of travel, then in the other."""
+    """
+    Scores of all positions of a tape in one direction of travel, then in the other.
+
+    Args:
+        arms: Of the tape's junctions, and the parts to fill in: twin of
+            `app.numerics.corners.score_arms`.
+    """
     score = np.empty(2 * len(positions), dtype=np.float32)
-    _native.tape(*aimed, rows, positions, step_m, terms, score)
+    _native.tape(*aimed, rows, positions, step_m, terms, score, *arms)
+    return score
+
+
+def score_turns(
+    parts: Float32[np.ndarray, "arms 3 ends"],
+    turns: tuple[Wholes, Wholes, Wholes],
+    span: tuple[int, int],
+    terms: Likelihood,
+) -> Float32[np.ndarray, "turns ends"]:
+    """
+    Twin of `app.numerics.corners.score_turns`.
+
+    Args:
+        turns: The arms that each turn goes onto and comes by, and its columns of road.
+        span: First and last column past a junction that a window may end at.
+    """
+    score = np.empty((len(turns[0]), parts.shape[2]), dtype=np.float32)
+    _native.turns(parts, *turns, *span, terms, score)
     return score
 
 

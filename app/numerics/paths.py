@@ -8,12 +8,15 @@ the road it is on now.
 
 from __future__ import annotations
 
-import numpy as np
-from jaxtyping import Float, Int
+from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Float32, Int
+
+from app.numerics import native
 from app.numerics.alignment import score_positions
 from app.numerics.index import MapIndex, RoadIndex
-from app.numerics.motion import Branch
+from app.numerics.motion import Branch, Leg
 from app.numerics.observation import HEARD_FLOOR, TERMS, offset_gain
 from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
 from app.numerics.query import FINE_STEP_M, Query
@@ -30,52 +33,98 @@ def turns_within(branch: Branch, length_m: float) -> bool:
     return since_m < length_m + REACH_SDS * branch.mode.sd_m
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """
+    Roads driven one after the other.
+
+    Attributes:
+        legs: What was driven before the last road, oldest first.
+        road, sign, entered_m: The last road, the direction of travel on it, and where it began.
+    """
+
+    legs: tuple[Leg, ...]
+    road: int
+    sign: int
+    entered_m: float
+
+
 def places_round(index: MapIndex, query: Query, branch: Branch) -> Places:
     """
     Every metre of the branch's road where it may end, the window laid along the way it came by.
 
     Args:
-        query: A window prepared for numpy.
         branch: One that has turned.
     """
     mode = branch.mode
-    road, entered_m = index.roads[mode.road], _entered(branch)
-    room_m = (road.length_m - entered_m) if mode.sign > 0 else entered_m
-    since_m = abs(mode.chainage_m - entered_m)
+    if branch.entered_m is None:
+        raise ValueError("the branch stayed on its road")
+    way = Way(branch.legs, mode.road, mode.sign, branch.entered_m)
+    length_m = index.roads[mode.road].length_m
+    room_m = (length_m - way.entered_m) if mode.sign > 0 else way.entered_m
+    since_m = abs(mode.chainage_m - way.entered_m)
     reach_m = REACH_SDS * mode.sd_m
     first = max(int(since_m - reach_m), 0)
     last = max(min(int(np.ceil(since_m + reach_m)), int(room_m)), first)
+    return places_along(index, query, way, (first, last))
+
+
+def places_along(index: MapIndex, query: Query, way: Way, span: tuple[int, int]) -> Places:
+    """
+    Places on the last road of a way, the window laid along all of it.
+
+    Args:
+        span: First and last metre past where the last road was entered.
+    """
+    first, last = span
     ends = np.arange(first, last + 1)
-    rows = _rows_along(index, query, branch, last)
-    behind = np.rint(query.fine.behind_m / FINE_STEP_M).astype(np.intp)
+    reach = int(np.ceil(float(query.fine.behind_m[-1]))) + 1
+    rows = _rows_along(index, query, way, (min(first - reach, -1), last))
     before = rows.shape[1] - 1 - last  # columns before the road was entered
-    columns = np.maximum(before + ends - behind[:, None], 0)
-    score, residual, weight = score_positions(rows, query.factors, columns)
     values = np.empty((VALUES, len(ends)))
-    values[CHAINAGE] = np.clip(entered_m + mode.sign * ends, 0.0, road.length_m)
+    where = np.full((2, len(ends)), ((way.road,), (way.sign,)))
+    if query.told is not None:
+        places = Places(where, values)
+        _lay(index, query, query.told, rows, (before + first, before + last), places)
+    else:
+        behind = np.rint(query.fine.behind_m / FINE_STEP_M).astype(np.intp)
+        columns = np.maximum(before + ends - behind[:, None], 0)
+        score, residual, weight = score_positions(rows.astype(float), query.factors, columns)
+        values[SCORE] = score + offset_gain(residual, weight, index.offset_prior)
+        values[RESIDUAL], values[WEIGHT] = residual, weight
+    road = index.roads[way.road]
+    values[CHAINAGE] = np.clip(way.entered_m + way.sign * ends, 0.0, road.length_m)
     values[WIDTH] = FINE_STEP_M
-    values[SCORE] = score + offset_gain(residual, weight, index.offset_prior)
-    values[RESIDUAL], values[WEIGHT] = residual, weight
-    return Places(np.full((2, len(ends)), ((mode.road,), (mode.sign,))), values)
+    return Places(where, values)
 
 
-def _entered(branch: Branch) -> float:
-    if branch.entered_m is None:
-        raise ValueError("the branch stayed on its road")
-    return branch.entered_m
+def _lay(
+    index: MapIndex,
+    query: Query,
+    told: native.Told,
+    rows: Float32[np.ndarray, "rows columns"],
+    span: tuple[int, int],
+    places: Places,
+) -> None:
+    """Twin of the numpy code above: the way is a road whose profile is ``rows``."""
+    profile = np.concatenate((rows[:, :1], rows, rows[:, -1:]), axis=1)
+    aimed = native.Aimed(told.block, told.samples, list(range(len(query.cells))))
+    metres = (FINE_STEP_M, float(rows.shape[1]))
+    road, sign = places.where[:, 0].tolist()
+    native.score_stretch(aimed, profile, (road, 1, *span), metres, index.likelihood, places, 0)
+    places.where[1] = sign  # along the way all windows go forward
 
 
 def _rows_along(
-    index: MapIndex, query: Query, branch: Branch, last: int
-) -> Float[np.ndarray, "rows columns"]:
-    """Profile rows of the query's cells, metre by metre along the way, up to ``last``."""
-    reach = int(np.ceil(float(query.fine.behind_m[-1]))) + 1
-    mode = branch.mode
-    parts = [_stretch(index.roads[mode.road], query, _entered(branch), mode.sign, (0, last))]
-    for number, leg in enumerate(reversed(branch.legs)):
+    index: MapIndex, query: Query, way: Way, span: tuple[int, int]
+) -> Float32[np.ndarray, "rows columns"]:
+    """Profile rows of the query's cells, metre by metre, 0 where the last road was entered."""
+    reach = -span[0]
+    parts = [_stretch(index.roads[way.road], query, way.entered_m, way.sign, (0, span[1]))]
+    for number, leg in enumerate(reversed(way.legs)):
         if reach <= 0:
             break
-        oldest = number == len(branch.legs) - 1
+        oldest = number == len(way.legs) - 1
         driven = reach if oldest else min(round(abs(leg.end_m - leg.start_m)), reach)
         parts.append(_stretch(index.roads[leg.road], query, leg.end_m, leg.sign, (-driven, -1)))
         reach -= driven
@@ -84,16 +133,15 @@ def _rows_along(
 
 def _stretch(
     road: RoadIndex, query: Query, from_m: float, sign: int, span: tuple[int, int]
-) -> Float[np.ndarray, "rows columns"]:
+) -> Float32[np.ndarray, "rows columns"]:
     """Rows of the query's cells at metres ``span`` of travel from a chainage."""
     at_m = from_m + sign * np.arange(span[0], span[1] + 1) * FINE_STEP_M
     columns = np.clip(np.rint(at_m / road.step_m).astype(np.intp) + 1, 0, road.along.columns - 1)
-    rows = road.along.rows[:, columns].astype(np.float64)
-    out = np.zeros((TERMS * len(query.cells) + 2, len(columns)))
+    out = np.zeros((TERMS * len(query.cells) + 2, len(columns)), dtype=np.float32)
     out[TERMS - 1 : -2 : TERMS] = UNHEARD_LOGIT
     here, there = _shared(road, query)
-    out[here] = rows[there]
-    out[-2:] = rows[-2:]
+    out[here] = road.along.rows[there[:, None], columns]
+    out[-2:] = road.along.rows[-2:, columns]
     return out
 
 

@@ -79,6 +79,13 @@ class Places:
         return Places(np.ascontiguousarray(where), np.ascontiguousarray(values))
 
 
+def raised(places: Places, by: Float[np.ndarray, " places"]) -> Places:
+    """The places with so much more score: what was known of them beforehand."""
+    values = places.values.copy()
+    values[SCORE] += by
+    return Places(places.where, values)
+
+
 def masses(places: Places, temperature: float) -> Float[np.ndarray, " places"]:
     """
     Posterior of every place, summing to 1: Bayes' rule with a uniform prior per metre.

@@ -20,12 +20,12 @@ from app.numerics import native
 from app.numerics.answer import answer, fit_of_place
 from app.numerics.belief import Belief, Mode, Prior, condense
 from app.numerics.index import MapIndex
-from app.numerics.matching import COARSE_FLATTENING, Coarse, fine_places, shortlist
+from app.numerics.matching import COARSE_FLATTENING, Coarse, fine_places, place, shortlist
 from app.numerics.motion import OFF_MAP_SHARE, Branch, Predicted, predict
 from app.numerics.observation import CORRELATION_M
 from app.numerics.offmap import off_map_probability
 from app.numerics.paths import places_round, turns_within
-from app.numerics.posterior import SCORE, Places, masses
+from app.numerics.posterior import SCORE, Places, masses, raised
 from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
 
@@ -47,8 +47,11 @@ def begin(
 ) -> Tracked:
     """The first window of a track: the fix is `app.numerics.matching.locate`'s, to the last bit."""
     query = ask(index, window, in_c=in_c)
-    places = refine(index, query, fine_places(index, query, shortlist(index, query)))
-    fix = answer(index, query, places, confidence)
+    placed = place(index, query)
+    fix = answer(index, query, placed.places, confidence, placed.log_prior)
+    places = placed.places
+    if placed.log_prior is not None:
+        places = raised(places, query.temperature(index.calibration) * placed.log_prior)
     return Tracked(fix, _belief(index, query, places, fix.off_map_posterior))
 
 

@@ -14,7 +14,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from app.domain import Calibration, RoadModel, Window
-from app.numerics import matching, native, observation, posterior
+from app.numerics import coarse, matching, native, observation, posterior
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.query import ask
@@ -85,8 +85,8 @@ def test_tapes_are_scored_the_same(seed, stretched, extra):
     fast, plain = ask(index, window, in_c=True), ask(index, window)
     size = next(i for i, step in enumerate(COARSE_STEPS_M) if plain.length_m <= step * (GAP - 1))
     for tape in index.tapes:
-        ours = matching._score_tape(index, fast, tape, size)
-        wanted = matching._score_tape(index, plain, tape, size)
+        ours = coarse._score_tape(index, fast, tape.column, tape.levels[size], None)
+        wanted = coarse._score_tape(index, plain, tape.column, tape.levels[size], None)
         np.testing.assert_allclose(ours.score, wanted.score, **SCORES)
 
 

@@ -6,13 +6,14 @@
 
 static int allocate(Factors *f, ptrdiff_t samples, ptrdiff_t cells)
 {
-    size_t indices = (size_t)(samples + cells), numbers = (size_t)(samples * (2 + 3 * cells));
+    size_t indices = (size_t)(samples + cells), numbers = (size_t)(samples * (3 + 3 * cells));
     f->memory = calloc(1, indices * sizeof(ptrdiff_t) + numbers * sizeof(double));
     if (f->memory == NULL)
         return OUT_OF_MEMORY;
     f->base = f->memory;
     f->outside = f->base + samples;
-    f->square = f->outside + samples;
+    f->missed = f->outside + samples;
+    f->square = f->missed + samples;
     f->level = f->square + samples * cells;
     f->heard = f->level + samples * cells;
     f->behind = (ptrdiff_t *)(f->heard + samples * cells);
@@ -28,8 +29,10 @@ static void add_sample(Factors *f, const Told *told, ptrdiff_t i, const Likeliho
         double heard = told->heard[i * told->cells + cell] * told->weight[i];
         double level_db = told->level_db[i * told->cells + cell];
         all += heard;
-        if (told->numbers[cell] < 0)
+        if (told->numbers[cell] < 0) {
+            f->missed[at] += heard;
             continue;
+        }
         f->square[k] += -0.5 * heard * level_db * level_db;
         f->level[k] += heard * level_db;
         f->heard[k++] += heard;

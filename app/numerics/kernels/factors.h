@@ -12,7 +12,7 @@
 typedef struct {
     ptrdiff_t samples, cells;
     ptrdiff_t *behind, *row;          /* columns; first row of each cell */
-    double *base, *outside;           /* of each sample */
+    double *base, *outside, *missed;  /* of each sample; missed: heard cells that are not there */
     double *square, *level, *heard;   /* of each sample and cell */
     double hearing;
     void *memory; /* all of it: to be freed */

@@ -54,6 +54,18 @@ typedef struct {
     ptrdiff_t order;
 } Candidate;
 
+/* Arms of a tape's junctions: app.numerics.turns.Arms; windows end 1 to `ends` columns past them. */
+typedef struct {
+    ptrdiff_t count, ends;
+    const int64_t *column, *sign, *onto;
+} Arms;
+
+/* Of each turn, the arms it joins and the columns of road past its junction. */
+typedef struct {
+    ptrdiff_t count, ends;
+    const int64_t *onto, *off, *room;
+} Turns;
+
 /* Places from `first` to `end - 1`. */
 typedef struct {
     ptrdiff_t first, end;
@@ -67,7 +79,12 @@ void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t
 
 /* tape.c */
 int score_tape(const Told *told, const Along *along, const int64_t *positions, ptrdiff_t count,
-               double step_m, const Likelihood *likelihood, float *score);
+               double step_m, const Likelihood *likelihood, float *score, const Arms *arms,
+               float *parts);
+
+/* corners.c */
+int score_turns(const float *parts, ptrdiff_t arms, const Turns *turns, ptrdiff_t first,
+                ptrdiff_t last, const Likelihood *likelihood, float *score);
 
 /* stretch.c */
 int score_stretch(const Told *told, const Along *along, ptrdiff_t first, ptrdiff_t count, int sign,

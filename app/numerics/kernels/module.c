@@ -55,7 +55,7 @@ static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t giv
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 8))
+    if (!begin(&call, arguments, given, given == 10 ? 10 : 8)) /* with arms, or without */
         return NULL;
     Told window = told(&call);
     Along profile = along(&call, 'r');
@@ -65,8 +65,41 @@ static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t giv
     Likelihood terms = likelihood(&call);
     count[0] = call.failed ? -1 : 2 * count[0];
     float *score = array(&call, 'f', WRITE, 1, count);
+    Arms arms = {0};
+    float *parts = NULL;
+    if (given == 10) {
+        Py_ssize_t where_shape[2] = {3, -1};
+        const int64_t *where = array(&call, 'l', READ, 2, where_shape);
+        Py_ssize_t shape[3] = {where_shape[1], 3, -1};
+        parts = array(&call, 'f', WRITE, 3, shape);
+        if (!call.failed)
+            arms = (Arms){shape[0], shape[2], where, where + shape[0], where + 2 * shape[0]};
+    }
     if (!call.failed)
-        check(&call, score_tape(&window, &profile, positions, count[0] / 2, step_m, &terms, score));
+        check(&call, score_tape(&window, &profile, positions, count[0] / 2, step_m, &terms, score,
+                                &arms, parts));
+    return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
+}
+
+static PyObject *turns(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 8))
+        return NULL;
+    Py_ssize_t part_shape[3] = {-1, 3, -1}, count[1] = {-1};
+    const float *parts = array(&call, 'f', READ, 3, part_shape);
+    const int64_t *onto = array(&call, 'l', READ, 1, count);
+    const int64_t *off = array(&call, 'l', READ, 1, count);
+    const int64_t *room = array(&call, 'l', READ, 1, count);
+    ptrdiff_t first = whole(&call), last = whole(&call);
+    Likelihood terms = likelihood(&call);
+    Py_ssize_t shape[2] = {count[0], part_shape[2]};
+    float *score = array(&call, 'f', WRITE, 2, shape);
+    demand(&call, first >= 1 && last <= shape[1], "no column that a window may end at");
+    Turns every = {count[0], shape[1], onto, off, room};
+    if (!call.failed)
+        check(&call, score_turns(parts, part_shape[0], &every, first, last, &terms, score));
     return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
 }
 
@@ -244,15 +277,15 @@ static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 #define KERNEL(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
 
 static PyMethodDef methods[] = {
-    KERNEL(heard_columns), KERNEL(evidence),     KERNEL(tape),    KERNEL(kept_by_mass),
-    KERNEL(stretch),       KERNEL(rows),         KERNEL(redrawn), KERNEL(summary),
+    KERNEL(heard_columns), KERNEL(evidence), KERNEL(tape), KERNEL(turns),   KERNEL(kept_by_mass),
+    KERNEL(stretch),       KERNEL(rows),     KERNEL(redrawn), KERNEL(summary),
     {NULL, NULL, 0, NULL},
 };
 
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 2);
+    return PyModule_AddIntConstant(module, "VERSION", 3);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

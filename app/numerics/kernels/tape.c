@@ -1,11 +1,11 @@
-/* Twin of app.numerics.matching._score_tape: the coarse scale, in float. */
-#include "approximate.h"
-#include "factors.h"
+/* Twin of app.numerics.coarse._score_tape: the coarse scale, in float. */
+#include "gain.h"
+#include "corners.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-enum { LANES = 8 };
+enum { LANES = EACH_SPARE };
 typedef float Lanes __attribute__((vector_size(LANES * sizeof(float))));
 typedef float LooseLanes /* the same wherever it lies */
     __attribute__((vector_size(LANES * sizeof(float)), aligned(sizeof(float)), may_alias));
@@ -49,27 +49,16 @@ INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdi
     sums[2] += weight;
 }
 
-/* Twin of app.numerics.observation.offset_gain: the larger exponent taken out, one logarithm. */
-INLINE float offset_gain(float residual, float weight, const Likelihood *likelihood,
-                         float like_share, float any_share)
-{
-    float squared = 0.5f * residual * residual;
-    float like_db2 = (float)likelihood->like_db2, any_db2 = (float)likelihood->any_db2;
-    float like = weight * like_db2 + 1.0f, any = weight * any_db2 + 1.0f;
-    float first = squared * (like_db2 / like), second = squared * (any_db2 / any);
-    float apart = first - second, less = exponential(apart < 0.0f ? apart : -apart);
-    float mixed = like_share / sqrtf(like) * (apart < 0.0f ? less : 1.0f) +
-                  any_share / sqrtf(any) * (apart < 0.0f ? 1.0f : less);
-    return (apart < 0.0f ? second : first) + logarithm(mixed);
-}
-
 INLINE void lay_columns(const Along *along, const Factors *f, ptrdiff_t column, int lanes,
-                        ptrdiff_t pad, float *const sums[2][3])
+                        ptrdiff_t pad, float *const sums[2][3], Each each)
 {
     for (ptrdiff_t i = 0; i < f->samples; i++) {
         Lanes here[3] = {{0}, {0}, {0}};
         add_columns(along, f, i, column, lanes, here);
         for (int channel = 0; channel < 3; channel++) {
+            if (each.values != NULL)
+                *(LooseLanes *)(each.values + (3 * i + channel) * each.stride + column) =
+                    here[channel];
             *(LooseLanes *)(sums[0][channel] + pad + column + f->behind[i]) += here[channel];
             *(LooseLanes *)(sums[1][channel] + pad + column - f->behind[i]) += here[channel];
         }
@@ -77,13 +66,15 @@ INLINE void lay_columns(const Along *along, const Factors *f, ptrdiff_t column, 
 }
 
 FOR_EACH_MACHINE
-static void lay_along(const Along *along, const Factors *f, ptrdiff_t pad, float *const sums[2][3])
+static void lay_along(const Along *along, const Factors *f, ptrdiff_t pad, float *const sums[2][3],
+                      Each each)
 {
     ptrdiff_t column = 0;
     for (; column + LANES <= along->columns; column += LANES)
-        lay_columns(along, f, column, LANES, pad, sums);
+        lay_columns(along, f, column, LANES, pad, sums, each);
     if (column < along->columns)
-        lay_columns(along, f, column, (int)(along->columns - column), pad, sums);
+        lay_columns(along, f, column, (int)(along->columns - column), pad, sums,
+                    each);
 }
 
 FOR_EACH_MACHINE
@@ -95,9 +86,10 @@ static void add_gain(float *restrict score, const float *restrict residual,
         score[i] += offset_gain(residual[i], weight[i], likelihood, like_share, any_share);
 }
 
-/* Twin of app.numerics.matching._score_tape: along growing columns, then against. */
+/* Twin of app.numerics.coarse._score_tape: along growing columns, then against. */
 int score_tape(const Told *told, const Along *along, const int64_t *positions, ptrdiff_t count,
-               double step_m, const Likelihood *likelihood, float *score)
+               double step_m, const Likelihood *likelihood, float *score, const Arms *arms,
+               float *parts)
 {
     Factors f = {0};
     int fault = aim(&f, told, along, step_m, 1, likelihood);
@@ -113,11 +105,19 @@ int score_tape(const Told *told, const Along *along, const int64_t *positions, p
     float *memory = fault == 0 ? calloc((size_t)(6 * length), sizeof *memory) : NULL;
     if (fault == 0 && memory == NULL)
         fault = OUT_OF_MEMORY;
+    Each each = {NULL, along->columns + EACH_SPARE};
+    float *rows = NULL;
+    if (fault == 0 && arms->count > 0) {
+        size_t room = (size_t)(3 * f.samples * each.stride + 2 * EACH_SPARE);
+        rows = calloc(room, sizeof *rows);
+        each.values = rows == NULL ? NULL : rows + EACH_SPARE;
+        fault = rows == NULL ? OUT_OF_MEMORY : 0;
+    }
     if (fault == 0) {
         float *sums[2][3];
         for (int part = 0; part < 6; part++)
             sums[part / 3][part % 3] = memory + part * length;
-        lay_along(along, &f, reach, (float *const(*)[3])sums);
+        lay_along(along, &f, reach, (float *const(*)[3])sums, each);
         for (int way = 0; way < 2; way++) {
             float *every = sums[way][0] + reach;
             add_gain(every, sums[way][1] + reach, sums[way][2] + reach, along->columns, likelihood);
@@ -125,6 +125,9 @@ int score_tape(const Told *told, const Along *along, const int64_t *positions, p
                 score[way * count + i] = every[positions[i]];
         }
     }
+    if (fault == 0 && arms->count > 0)
+        fault = lay_arms(arms, &f, each, along->columns, likelihood->unmapped, parts);
+    free(rows);
     free(memory);
     free(f.memory);
     return fault;

@@ -1,0 +1,224 @@
+"""
+The coarse scale of matching: all places of the map at coarse steps, and those worth a closer look.
+
+A window lies along one road, or round one corner (`app.numerics.corners`). All places of both kinds
+are scored, and share one posterior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from app.numerics import native
+from app.numerics.alignment import score_positions
+from app.numerics.corners import (
+    TURN_SHARE,
+    Corner,
+    Laid,
+    LaidArms,
+    lay,
+    score_arms,
+    score_turns,
+    worth_laying,
+)
+from app.numerics.index import MapIndex
+from app.numerics.observation import offset_gain
+from app.numerics.posterior import kept_by_mass
+from app.numerics.query import Query
+from app.numerics.tapes import COARSE_STEPS_M, GAP, CoarseProfile
+
+LEFT_OUT = 1e-4  # share of the coarse posterior that no answer counts
+COARSE_FLATTENING = 2.0  # coarse scores err; flattening them keeps what they would lose
+MOST_KEPT = 4000  # coarse positions that an answer may count
+LOOKED_AT = 0.995  # share of the posterior that is aligned; the rest keeps its coarse scores
+MOST_ALIGNED = 96  # coarse positions, not counting neighbours: bounds the time of a query
+FLANK = 1  # neighbours on either side that are aligned with a position
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coarse:
+    """
+    Coarse positions along each road in order, and their scores; ``step_m`` of road about each.
+
+    Attributes:
+        closer: Which of them are worth aligning; None = all.
+    """
+
+    road: Int[np.ndarray, " positions"]
+    sign: Int[np.ndarray, " positions"]
+    chainage_m: Float[np.ndarray, " positions"]
+    score: Float[np.ndarray, " positions"]
+    step_m: float
+    closer: Bool[np.ndarray, " positions"] | None = None
+
+    @property
+    def beside(self) -> Bool[np.ndarray, " pairs"]:
+        """Whether each position and the next are neighbours on a road."""
+        apart_m = np.diff(self.chainage_m)
+        near = (apart_m > 0.0) & (apart_m <= self.step_m)
+        return np.asarray(near & (np.diff(self.road) == 0) & (np.diff(self.sign) == 0))
+
+    def take(self, rows: np.ndarray) -> Coarse:
+        """The positions at these indices, or where a mask says so."""
+        closer = None if self.closer is None else self.closer[rows]
+        columns = (self.road[rows], self.sign[rows], self.chainage_m[rows], self.score[rows])
+        return Coarse(*columns, self.step_m, closer)
+
+
+def shortlist(
+    index: MapIndex,
+    query: Query,
+    without: int | None = None,
+    foreseen: Callable[[Coarse], Coarse] | None = None,
+) -> Coarse:
+    """
+    The coarse positions that hold all but `LEFT_OUT` of the posterior, along each road in order.
+
+    Args:
+        without: Number of a road to leave out, as if the map lacked it.
+        foreseen: Adds to the scores what is known before the window is heard, see
+            `app.numerics.tracking`; it chooses positions and stays out of the scores returned.
+    """
+    every = _score_roads(index, query, tapes_of(index, query, without), None)
+    if without is not None:
+        every = every.take((every.road != without).nonzero()[0])
+    rank = every.score if foreseen is None else foreseen(every).score
+    rows, closer = _kept(index, query, rank)
+    return _flanked(every.take(rows), closer)
+
+
+def shortlists(index: MapIndex, query: Query) -> tuple[Coarse, list[Corner]]:
+    """
+    `shortlist`, and beside it the turns that the window is worth laying round.
+
+    Places along roads and round corners share one posterior. The best place along a road is always
+    among those kept.
+    """
+    tapes = tapes_of(index, query)
+    laid = lay(index, query, size_of(query), tapes)
+    every = _score_roads(index, query, tapes, laid)
+    if laid is None:
+        rows, closer = _kept(index, query, every.score)
+        return _flanked(every.take(rows), closer), []
+    straight, flat = len(every.score), _flat(index, query)
+    prior = np.float32(flat * np.log(TURN_SHARE))  # what is known beforehand is not flattened
+    rank = np.concatenate((every.score, score_turns(index, query, laid).ravel() + prior))
+    rows, chosen = _kept(index, query, rank)
+    closer = np.ones(len(rows), dtype=bool) if chosen is None else chosen
+    mass = np.exp((rank[rows] - rank[rows].max()) / flat)
+    mass /= mass.sum()
+    round_ = closer & (rows >= straight)
+    corners = worth_laying(index, laid, rows[round_] - straight, mass[round_])
+    rows, closer = rows[rows < straight], closer[rows < straight]
+    best = int(every.score.argmax())
+    at = int(rows.searchsorted(best))
+    if at == len(rows) or rows[at] != best:
+        rows, closer = np.insert(rows, at, best), np.insert(closer, at, False)
+    closer[at] = True
+    return _flanked(every.take(rows), None if closer.all() else closer), corners
+
+
+def tapes_of(index: MapIndex, query: Query, without: int | None = None) -> list[int]:
+    """Numbers of the tapes that have business with a window, or of all when none has."""
+    every = [i for i, tape in enumerate(index.tapes) if tape.roads != (without,)]
+    return [i for i in every if not index.tapes[i].salient.isdisjoint(query.cells)] or every
+
+
+def size_of(query: Query) -> int:
+    """Number of the coarse step that a window of this length needs."""
+    return next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
+
+
+def _flat(index: MapIndex, query: Query) -> float:
+    return query.temperature(index.calibration) * COARSE_FLATTENING
+
+
+def _kept(
+    index: MapIndex, query: Query, rank: Float[np.ndarray, " positions"]
+) -> tuple[Int[np.ndarray, " kept"], Bool[np.ndarray, " kept"] | None]:
+    """Positions that hold all but `LEFT_OUT`, and which of them to align; None = all."""
+    flat = _flat(index, query)
+    keep = kept_by_mass if query.told is None else native.kept_by_mass
+    rows = keep(rank, flat, LEFT_OUT, MOST_KEPT)
+    if len(rows) <= MOST_ALIGNED:
+        return rows, None
+    closer = np.zeros(len(rows), dtype=bool)
+    closer[keep(rank[rows], flat, 1.0 - LOOKED_AT, MOST_ALIGNED)] = True
+    return rows, closer
+
+
+def _flanked(kept: Coarse, closer: Bool[np.ndarray, " positions"] | None) -> Coarse:
+    """The positions, those beside one that is looked at closer marked, too."""
+    if closer is None:
+        return kept
+    for _ in range(FLANK):
+        closer = closer | neighbours(closer, kept.beside)
+    return replace(kept, closer=closer)
+
+
+def neighbours(
+    chosen: Bool[np.ndarray, " positions"], beside: Bool[np.ndarray, " pairs"]
+) -> Bool[np.ndarray, " positions"]:
+    """The positions beside those chosen."""
+    found = np.zeros_like(chosen)
+    found[1:] |= chosen[:-1] & beside
+    found[:-1] |= chosen[1:] & beside
+    return found
+
+
+def _score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | None) -> Coarse:
+    size = size_of(query)
+    scored = []
+    for number in tapes:
+        tape = index.tapes[number]
+        arms = None if laid is None else laid.of(number)
+        part = _score_tape(index, query, tape.column, tape.levels[size], arms)
+        if not tape.column.keys() >= set(query.cells):
+            # Tapes compare only when each pays for the cells that none of its roads has heard.
+            part.score[:] += query.unmapped_score(tape.column.keys())
+        scored.append(part)
+    return scored[0] if len(scored) == 1 else _joined(scored)
+
+
+def _score_tape(
+    index: MapIndex,
+    query: Query,
+    column: dict[str, int],
+    level: CoarseProfile,
+    arms: LaidArms | None,
+) -> Coarse:
+    """All places along a tape's roads; what the window says on its arms is filled in."""
+    if query.told is not None:
+        score = native.score_tape(
+            query.aimed(query.told, column),
+            level.along.rows,
+            level.positions,
+            level.step_m,
+            index.likelihood,
+            () if arms is None else (arms.where, arms.parts),
+        )
+        return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
+    aim = query.aim(column, level.step_m, joined=True)
+    rows = level.along.rows if aim.rows is None else level.along.rows[aim.rows]
+    behind = aim.behind[:, None]
+    ways = np.concatenate((level.positions - behind, level.positions + behind), axis=1)
+    factors = aim.factors.astype(np.float32)  # precise enough to choose what to look at closer
+    score, residual, weight = score_positions(rows, factors, ways)
+    score += offset_gain(residual, weight, index.offset_prior)
+    if arms is not None:
+        score_arms(query, aim, rows, arms, level.step_m)
+    return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
+
+
+def _joined(parts: list[Coarse]) -> Coarse:
+    return Coarse(
+        np.concatenate([part.road for part in parts]),
+        np.concatenate([part.sign for part in parts]),
+        np.concatenate([part.chainage_m for part in parts]),
+        np.concatenate([part.score for part in parts]),
+        parts[0].step_m,
+    )

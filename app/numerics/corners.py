@@ -1,0 +1,195 @@
+"""
+A window laid round corners, on both scales.
+
+Coarse: a window that ends some columns past a junction lies with its newer samples on the road it
+is on, with the older ones on the road it came by. Both halves are summed once for every arm of a
+junction (`app.numerics.turns`); any two arms together are a turn. Fine: the few turns that carry
+mass are laid metre by metre (`app.numerics.paths`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+
+from app.numerics import native
+from app.numerics.index import MapIndex
+from app.numerics.motion import Leg
+from app.numerics.observation import UNMAPPED, offset_gain
+from app.numerics.paths import Way, places_along
+from app.numerics.posterior import Places
+from app.numerics.query import Aim, Query
+from app.numerics.tapes import COARSE_STEPS_M
+from app.numerics.turns import TurnLevel
+
+LEAST_M = 90.0  # shorter windows are explained as well by many turns; 10 s at 30 km/h is shorter
+EDGE_M = 15.0  # nearer to either end of a window a corner tells nothing
+TURN_SHARE = 0.05  # of having turned at a given junction, relative to having come straight
+MOST_CORNERS = 6  # turns that are laid metre by metre, the likeliest ones: bounds a query's time
+NEGLIGIBLE = 1e-2  # a turn with less of the coarse posterior than this is not laid
+NEVER = -np.inf
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Laid:
+    """
+    A window on the arms of a map, while the tapes are scored.
+
+    Attributes:
+        turns: Numbers of the turns whose roads both lie on the window's tapes; None = all.
+        parts: Score, residual and weight of the half of the window that lies on each arm, when it
+            ends 1, 2, ... columns past the junction.
+    """
+
+    level: TurnLevel
+    step_m: float
+    turns: Int[np.ndarray, " turns"] | None
+    parts: Float32[np.ndarray, "arms 3 ends"]
+
+    def of(self, tape: int) -> LaidArms:
+        """One tape's arms, their parts to be filled in."""
+        arms = self.level.arms[tape]
+        return LaidArms(arms.where, self.parts[arms.first : arms.first + arms.count])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaidArms:
+    """Arms of one tape (`app.numerics.turns.Arms`), and the window's parts on them."""
+
+    where: Int[np.ndarray, "3 arms"]
+    parts: Float32[np.ndarray, "arms 3 ends"]
+
+
+@dataclass(frozen=True, slots=True)
+class Corner:
+    """A turn worth a closer look: its number, and from and to which metre past the junction."""
+
+    turn: int
+    first_m: int
+    last_m: int
+
+
+def lay(index: MapIndex, query: Query, size: int, tapes: list[int]) -> Laid | None:
+    """
+    Room for a window's halves; None for a window that is taken to run along one road.
+
+    Args:
+        size: Number of the coarse step.
+        tapes: Numbers of the tapes that are scored.
+    """
+    turns = index.turns
+    if query.length_m < LEAST_M or not query.cells or not len(turns):
+        return None
+    step_m, level = COARSE_STEPS_M[size], turns.levels[size]
+    ends = round(query.length_m / step_m) - 1
+    considered: Int[np.ndarray, " turns"] | None = None
+    if len(tapes) < len(index.tapes):
+        there = np.zeros(len(index.tapes), dtype=bool)
+        there[tapes] = True
+        considered = (there[turns.tape] & there[turns.from_tape]).nonzero()[0]
+    parts = np.empty((level.total, 3, ends), dtype=np.float32)
+    return Laid(level, step_m, considered, parts)
+
+
+def score_arms(
+    query: Query,
+    aim: Aim,
+    rows: Float32[np.ndarray, "rows columns"],
+    arms: LaidArms,
+    step_m: float,
+) -> None:
+    """
+    Fill in what the halves of a window say on a tape's arms.
+
+    Sample ``i`` of a window that ends ``e`` columns past a junction lies ``e - behind[i]`` columns
+    past it: on the arm that is driven onto where that is not negative, else on the one before.
+
+    Args:
+        rows: Of the tape's profile, as aimed at.
+    """
+    each = np.tensordot(aim.factors.astype(np.float32), rows, axes=1)
+    each[0] += _unmapped(query, aim, step_m)[:, None]
+    column, sign, onto = arms.where[:, :, None, None]
+    past = np.arange(1, arms.parts.shape[2] + 1)[:, None] - aim.behind
+    there = (past >= 0) == (onto == 1)
+    sample = np.arange(len(aim.behind))
+    half = np.where(there, each[:, sample, column + sign * past], 0.0).sum(axis=-1)
+    arms.parts[:] = half.swapaxes(0, 1)
+
+
+def _unmapped(query: Query, aim: Aim, step_m: float) -> Float[np.ndarray, " samples"]:
+    """Of each joined sample, the score of the cells that a profile lacks."""
+    seen = query.fine
+    missed = seen.heard.sum(axis=1)
+    if aim.here is None:
+        missed = np.zeros_like(missed)
+    else:
+        missed = missed - seen.heard[:, aim.here].sum(axis=1)
+    behind = np.rint(seen.behind_m * (1.0 / step_m))
+    starts = np.concatenate(([0], (behind[1:] != behind[:-1]).nonzero()[0] + 1))
+    return np.asarray(UNMAPPED * np.add.reduceat(seen.weight * missed, starts))
+
+
+def score_turns(index: MapIndex, query: Query, laid: Laid) -> Float32[np.ndarray, "turns ends"]:
+    """Scores of the window round each turn, by columns past the junction; -inf where it cannot."""
+    level, count = laid.level, laid.parts.shape[2]
+    every = (level.onto, level.off, level.room)
+    onto, off, room = every if laid.turns is None else (one[laid.turns] for one in every)
+    first = max(int(np.ceil(EDGE_M / laid.step_m)), 1)
+    span = (first, count + 1 - first)
+    if query.told is not None:
+        return native.score_turns(laid.parts, (onto, off, room), span, index.likelihood)
+    score, residual, weight = (laid.parts[onto] + laid.parts[off]).swapaxes(0, 1)
+    score = score + offset_gain(residual, weight, index.offset_prior)
+    ends = np.arange(1, count + 1)
+    there = (ends >= span[0]) & (ends <= span[1]) & (ends <= room[:, None])
+    return np.where(there, score, NEVER).astype(np.float32)
+
+
+def worth_laying(
+    index: MapIndex,
+    laid: Laid,
+    kept: Int[np.ndarray, " kept"],
+    mass: Float[np.ndarray, " kept"],
+) -> list[Corner]:
+    """
+    The turns that carry mass, heaviest first, and the metres past the junction to look at.
+
+    Args:
+        kept: Which turn and end, of all scores, row by row.
+        mass: Of each of them, as a share of the posterior.
+    """
+    count = laid.parts.shape[2]
+    row, end = np.divmod(kept, count)
+    total = np.bincount(row, mass)
+    order = np.argsort(-total, kind="stable")[:MOST_CORNERS]
+    ways, corners = index.turns.ways, []
+    for one in order[total[order] >= NEGLIGIBLE].tolist():
+        turn = one if laid.turns is None else int(laid.turns[one])
+        sign, entered_m = int(ways.sign[turn]), float(ways.entered_m[turn])
+        ends = end[row == one] + 1
+        shift_m = float(laid.level.past_m[turn])
+        room_m = (index.lengths_m[ways.road[turn]] - entered_m) if sign > 0 else entered_m
+        first = int((int(ends.min()) - 1) * laid.step_m + shift_m)
+        last = int((int(ends.max()) + 1) * laid.step_m + shift_m) + 1
+        corners.append(Corner(turn, max(first, 1), max(min(last, int(room_m)), 1)))
+    return corners
+
+
+def places_round_corners(index: MapIndex, query: Query, corners: list[Corner]) -> Places:
+    """Every metre where the window may end after each of the turns."""
+    return Places.join([_places(index, query, one) for one in corners])
+
+
+def _places(index: MapIndex, query: Query, one: Corner) -> Places:
+    return places_along(index, query, way_of(index, one.turn), (one.first_m, one.last_m))
+
+
+def way_of(index: MapIndex, turn: int) -> Way:
+    """The way round a turn."""
+    ways = index.turns.ways
+    left_m = float(ways.left_m[turn])
+    leg = Leg(int(ways.from_road[turn]), int(ways.from_sign[turn]), left_m, left_m)
+    return Way((leg,), int(ways.road[turn]), int(ways.sign[turn]), float(ways.entered_m[turn]))
