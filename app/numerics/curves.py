@@ -158,7 +158,7 @@ def _one_problem(size: int, weights: Weights, rsrp_dbm: Floats) -> _Problem:
     return _Problem(gram, right, float(deviation @ deviation), int(heard.sum()), level)
 
 
-def _penalty(size: int) -> Floats:
+def penalty(size: int) -> Floats:
     """First differences squared, upper banded: 1 -1 along the diagonal pair."""
     banded = np.zeros((DEGREE + 1, size))
     banded[DEGREE] = 2.0
@@ -168,7 +168,7 @@ def _penalty(size: int) -> Floats:
 
 
 def _solve(problem: _Problem, strength: float) -> _Solution:
-    matrix = problem.gram + strength * _penalty(problem.gram.shape[1])
+    matrix = problem.gram + strength * penalty(problem.gram.shape[1])
     matrix[DEGREE] += RIDGE
     factor = cholesky_banded(matrix, check_finite=False)
     coefficients = cho_solve_banded((factor, False), problem.right, check_finite=False)
@@ -201,13 +201,38 @@ def _leverage(
     """Variance of the fit over the variance of the noise, at every grid point."""
     coarse_m = np.arange(0.0, grid_m[-1] + 2.0 * spacing_m, 2.0 * spacing_m)
     weights = basis.at(coarse_m)
-    right = np.zeros((basis.size, len(coarse_m)))
-    columns = np.arange(len(coarse_m))
-    for j in range(DEGREE + 1):
-        right[weights.first + j, columns] = weights.value[:, j]
-    leverage = np.empty((len(grid_m), len(solved)))
-    for cell, solution in enumerate(solved):
-        inverse = cho_solve_banded((solution.factor, False), right, check_finite=False)
-        variance = (right * inverse).sum(axis=0)
-        leverage[:, cell] = np.interp(grid_m, coarse_m, variance)
-    return np.minimum(leverage, MAX_LEVERAGE)
+    inverse = _inverse_bands(np.stack([solution.factor for solution in solved], axis=2))
+    variance = np.zeros((len(coarse_m), len(solved)))
+    for i in range(DEGREE + 1):
+        for j in range(i, DEGREE + 1):
+            both = (2.0 if j > i else 1.0) * weights.value[:, i] * weights.value[:, j]
+            variance += both[:, None] * inverse[j - i, weights.first + i]
+    columns = [np.interp(grid_m, coarse_m, column) for column in variance.T]
+    return np.minimum(np.stack(columns, axis=1), MAX_LEVERAGE)
+
+
+def _inverse_bands(
+    factor: Float[np.ndarray, "bands splines cells"],
+) -> Float[np.ndarray, "bands splines cells"]:
+    """
+    The bands of the inverse that the factor has: ``out[d, j]`` is entry ``(j, j + d)``.
+
+    Backward from the last spline, each row from those after it (Takahashi, Fagan and Chin 1973);
+    the rest of the inverse is never made.
+    """
+    size, cells = factor.shape[1:]
+    inverse = np.zeros((DEGREE + 1, size + DEGREE, cells))
+    for row in range(size - 1, -1, -1):
+        diagonal = factor[DEGREE, row]
+        reach = min(DEGREE, size - 1 - row)
+        ratio = [factor[DEGREE - p, row + p] / diagonal for p in range(1, reach + 1)]
+        for q in range(reach, 0, -1):
+            total = np.zeros(cells)
+            for p in range(1, reach + 1):
+                total += ratio[p - 1] * inverse[abs(q - p), row + min(p, q)]
+            inverse[q, row] = -total
+        total = 1.0 / (diagonal * diagonal)
+        for p in range(1, reach + 1):
+            total = total - ratio[p - 1] * inverse[p, row]
+        inverse[0, row] = total
+    return inverse[:, :size]

@@ -3,19 +3,68 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from app.domain import Line, Trace
 from app.numerics.geodesy import Floats
 from app.numerics.lines import length_m, project
 from app.numerics.smoothing import smooth_chainage
 
+MAX_LAG_S = 3.0  # a receiver whose clocks differ by more is broken, not late
+EDGE_S = 3.0  # beyond its ends a drive goes on as fast as over so long
 ROW_M = 1.0  # a standing car's readings of one metre are one reading
 REACH_M = 40.0  # a fix farther off than a wide street was not taken on this road
+MIN_ROWS = 2
 END_SLACK_M = 10.0  # beyond an end, only what the jitter of a fix may explain
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """
+    What a pass's rows are joined from: its samples on the road, in driving order.
+
+    Attributes:
+        time_s: Non-decreasing. Shape ``(samples,)``.
+        chainage_m: Where the receiver said it was, without jitter; same shape.
+        rsrp_dbm: NaN = not heard. Shape ``(samples, cells)``.
+        end_m: Length of the road.
+    """
+
+    time_s: Float[np.ndarray, " samples"]
+    chainage_m: Float[np.ndarray, " samples"]
+    rsrp_dbm: Float[np.ndarray, "samples cells"]
+    end_m: float
+
+    @property
+    def timed(self) -> bool:
+        """Whether the samples' times tell when each was taken."""
+        return bool(self.time_s[-1] > self.time_s[0])
+
+    def starts(self) -> Int[np.ndarray, " rows"]:
+        """First sample of every row."""
+        return _starts(self.chainage_m)
+
+    def behind_m(self, lag_s: float) -> Floats:
+        """
+        Chainage at which the car was ``lag_s`` before each sample's time; a standing car stays.
+
+        Before its first and after its last sample the car is taken to have gone on as fast as near
+        them, so places may lie beyond the road's ends.
+        """
+        moving = np.concatenate(([True], np.diff(self.time_s) > 0.0))
+        time_s, chainage_m = self.time_s[moving], self.chainage_m[moving]
+        second = min(int(np.searchsorted(time_s, time_s[0] + EDGE_S)), len(time_s) - 1)
+        last = max(int(np.searchsorted(time_s, time_s[-1] - EDGE_S, side="right")) - 1, 0)
+        before_m = (chainage_m[second] - chainage_m[0]) / (time_s[second] - time_s[0])
+        after_m = (chainage_m[-1] - chainage_m[last]) / (time_s[-1] - time_s[last])
+        known_s = np.concatenate([[time_s[0] - MAX_LAG_S], time_s, [time_s[-1] + MAX_LAG_S]])
+        first_m = chainage_m[0] - MAX_LAG_S * before_m
+        final_m = chainage_m[-1] + MAX_LAG_S * after_m
+        known_m = np.concatenate([[first_m], chainage_m, [final_m]])
+        return np.interp(self.time_s - lag_s, known_s, known_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,12 +77,14 @@ class RoadPass:
         rsrp_dbm: Mean reading, NaN = not heard. Shape ``(rows, cells)``.
         heard: Share of the row's samples that heard the cell, same shape.
         group: Passes of one day share it: they are held out together.
+        samples: What the rows were joined from; None where that is not known.
     """
 
     chainage_m: Float[np.ndarray, " rows"]
     rsrp_dbm: Float[np.ndarray, "rows cells"]
     heard: Float[np.ndarray, "rows cells"]
     group: str
+    samples: Samples | None = None
 
     @property
     def travelled_m(self) -> Floats:
@@ -44,6 +95,32 @@ class RoadPass:
     def sign(self) -> int:
         """+1 when driven towards growing chainage, else -1."""
         return 1 if self.chainage_m[-1] >= self.chainage_m[0] else -1
+
+    def of_cells(self, kept: Bool[np.ndarray, " cells"]) -> RoadPass:
+        """The pass with some of its columns."""
+        samples = self.samples
+        if samples is not None:
+            samples = replace(samples, rsrp_dbm=samples.rsrp_dbm[:, kept])
+        rsrp_dbm, heard = self.rsrp_dbm[:, kept], self.heard[:, kept]
+        return replace(self, rsrp_dbm=rsrp_dbm, heard=heard, samples=samples)
+
+    def corrected(self, lag_s: float, level_db: float) -> RoadPass:
+        """
+        The pass with every reading where the car was ``lag_s`` before, ``level_db`` less loud.
+
+        Readings that come from beyond an end by more than the slack are left out. Nothing to
+        correct, or no samples to do it with, and the pass is itself.
+        """
+        if self.samples is None or (lag_s == 0.0 and level_db == 0.0):
+            return self
+        all_of = self.samples
+        moved_m = all_of.behind_m(lag_s) if lag_s != 0.0 else all_of.chainage_m
+        kept = (moved_m >= -END_SLACK_M) & (moved_m <= all_of.end_m + END_SLACK_M)
+        moved_m = np.clip(moved_m[kept], 0.0, all_of.end_m)
+        if len(_starts(moved_m)) < MIN_ROWS:
+            return self
+        time_s, rsrp_dbm = all_of.time_s[kept], all_of.rsrp_dbm[kept] - level_db
+        return _pass(Samples(time_s, moved_m, rsrp_dbm, all_of.end_m), self.group)
 
 
 def all_cells(passes: Sequence[Trace]) -> tuple[str, ...]:
@@ -86,38 +163,31 @@ def lay_on_road(line: Line, trace: Trace, cells: tuple[str, ...], name: str) -> 
     end_m = length_m(line)
     at_an_end = (feet.chainage_m <= 0.0) | (feet.chainage_m >= end_m)
     near = np.abs(feet.offset_m) <= np.where(at_an_end, END_SLACK_M, REACH_M)
-    if near.sum() < 2:
+    if near.sum() < MIN_ROWS:
         return None
     column = {cell: index for index, cell in enumerate(cells)}
     rsrp = np.full((int(near.sum()), len(cells)), np.nan)
     rsrp[:, [column[cell] for cell in trace.cells]] = trace.rsrp_dbm[near]
     chainage_m = smooth_chainage(feet.chainage_m[near], feet.offset_m[near], trace.time_s[near])
-    joined = _join(chainage_m, rsrp)
-    if len(joined.chainage_m) < 2:
+    if len(_starts(chainage_m)) < MIN_ROWS:
         return None
     group = trace.recorded_at.date().isoformat() if trace.recorded_at else name
-    return RoadPass(joined.chainage_m, joined.rsrp_dbm, joined.heard, group)
+    return _pass(Samples(trace.time_s[near], chainage_m, rsrp, end_m), group)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    chainage_m: Floats
-    rsrp_dbm: Floats
-    heard: Floats
-
-
-def _join(chainage_m: Floats, rsrp_dbm: Floats) -> _Rows:
-    row = _runs(np.rint(chainage_m / ROW_M).astype(int))
-    starts = np.flatnonzero(np.concatenate([[True], np.diff(row) != 0]))
-    size = np.diff(np.append(starts, len(row)))
+def _pass(samples: Samples, group: str) -> RoadPass:
+    """One row for each stretch of samples that stay in one metre, in driving order."""
+    chainage_m, rsrp_dbm, starts = samples.chainage_m, samples.rsrp_dbm, samples.starts()
+    size = np.diff(np.append(starts, len(chainage_m)))
     known = ~np.isnan(rsrp_dbm)
     count = np.add.reduceat(known.astype(float), starts, axis=0)
     total = np.add.reduceat(np.where(known, rsrp_dbm, 0.0), starts, axis=0)
     with np.errstate(invalid="ignore"):
         mean = total / count
-    return _Rows(np.add.reduceat(chainage_m, starts) / size, mean, count / size[:, None])
+    row_m = np.add.reduceat(chainage_m, starts) / size
+    return RoadPass(row_m, mean, count / size[:, None], group, samples)
 
 
-def _runs(metre: Int[np.ndarray, " samples"]) -> Int[np.ndarray, " samples"]:
-    """Number the stretches of samples that stay in one metre, in driving order."""
-    return np.concatenate([[0], np.cumsum(np.diff(metre) != 0)])
+def _starts(chainage_m: Floats) -> Int[np.ndarray, " rows"]:
+    metre = np.rint(chainage_m / ROW_M).astype(int)
+    return np.flatnonzero(np.concatenate([[True], np.diff(metre) != 0]))

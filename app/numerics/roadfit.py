@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from app.numerics.hearing import MAPPED_FROM, for_another_pass, heard_probabilit
 from app.numerics.heldout import Surface, held_out_evidence
 from app.numerics.lines import length_m
 from app.numerics.passes import RoadPass, all_cells, distinct, lay_on_road
+from app.numerics.registration import register
 from app.numerics.salience import select_salient
 from app.numerics.segmentation import SegmentationParams, cut_road
 from app.numerics.subsegments import FittedRoad, describe_segments
@@ -62,15 +63,14 @@ def fit_road(road: Road, passes: Sequence[Trace], params: FitParams = FitParams(
         raise RoadTooShort(needed_m=params.segmentation.min_length_m, got_m=end_m)
     laid = _lay_all(line, measured, params)
     work = _Fitting(end_m, _spacing_m(laid.passes, params), params.grid_step_m)
-    curves = work.curves(laid.passes)
-    surface = work.surface(laid.passes, curves)
-    reference = _reference(laid.cells, measured, surface)
-    return _assemble(road, laid, work, curves, surface, reference, params)
+    fitted = _fit(laid.passes, work)
+    reference = _reference(laid.cells, measured, fitted.surface)
+    return _assemble(road, laid, work, fitted, reference, params)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Laid:
-    """Passes on the road's line, with the cells that are heard often enough."""
+    """Passes on the road's line as they were driven, with the cells heard often enough."""
 
     line: Line
     cells: tuple[str, ...]
@@ -88,9 +88,7 @@ def _lay_all(line: Line, traces: Sequence[Trace], params: FitParams) -> _Laid:
     often = readings >= params.min_readings
     if not often.any():
         raise NoCells(heard=len(cells), needed_samples=params.min_readings)
-    kept = [
-        replace(one, rsrp_dbm=one.rsrp_dbm[:, often], heard=one.heard[:, often]) for one in passes
-    ]
+    kept = [one.of_cells(often) for one in passes]
     return _Laid(line, tuple(cell for cell, keep in zip(cells, often, strict=True) if keep), kept)
 
 
@@ -133,12 +131,34 @@ class _Fitting:
             np.where(mapped, expected, heard).astype(np.float32),
         )
 
+    def registered(self, passes: Sequence[RoadPass], strength: float) -> list[RoadPass]:
+        """The passes with lag and level taken out, as far as they tell these of each other."""
+        found = register(passes, self.end_m, self.spacing_m, strength)
+        return found.correct(passes)
+
     def passes_by(self, passes: Sequence[RoadPass]) -> Floats:
         """How many passes drove by each grid point."""
         ends = [(one.chainage_m.min(), one.chainage_m.max()) for one in passes]
         reach_m = 0.5 * self.spacing_m
         by = [(self.grid_m >= a - reach_m) & (self.grid_m <= b + reach_m) for a, b in ends]
         return np.sum(by, axis=0).astype(float)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fitted:
+    """The passes without lag and level, and what was fitted to them."""
+
+    passes: list[RoadPass]
+    curves: FittedCurves
+    surface: Surface
+
+
+def _fit(driven: list[RoadPass], work: _Fitting) -> _Fitted:
+    curves = work.curves(driven)
+    passes = work.registered(driven, curves.strength)
+    if any(now is not before for now, before in zip(passes, driven, strict=True)):
+        curves = work.curves(passes)
+    return _Fitted(passes, curves, work.surface(passes, curves))
 
 
 def _reference(cells: tuple[str, ...], traces: Sequence[Trace], surface: Surface) -> int:
@@ -153,18 +173,21 @@ def _assemble(
     road: Road,
     laid: _Laid,
     work: _Fitting,
-    curves: FittedCurves,
-    surface: Surface,
+    fit: _Fitted,
     reference: int,
     params: FitParams,
 ) -> RoadModel:
+    surface, curves = fit.surface, fit.curves
     edges_m = cut_road(surface.mean_dbm, work.step_m, work.end_m, params.segmentation)
     salience, parts = select_salient(
         surface.mean_dbm, surface.spread_db, surface.heard, work.step_m, edges_m, reference
     )
-    fitted = FittedRoad(laid.cells, curves, laid.passes, surface.mean_dbm, work.step_m, reference)
+    fitted = FittedRoad(laid.cells, curves, fit.passes, surface.mean_dbm, work.step_m, reference)
 
-    def refit(passes: Sequence[RoadPass]) -> Surface:
+    def refit(driven: Sequence[RoadPass]) -> Surface:
+        # Held-out windows stay as a client would send them, and the others are registered without
+        # them: else the map would take its own corrections for accuracy.
+        passes = work.registered(driven, curves.strength)
         return work.surface(passes, work.curves(passes, curves.strength))
 
     return RoadModel(
@@ -180,6 +203,6 @@ def _assemble(
         salience=salience,
         segments=describe_segments(laid.line, edges_m, fitted, parts),
         pass_count=len(laid.passes),
-        sample_count=sum(len(one.chainage_m) for one in laid.passes),
+        sample_count=sum(len(one.chainage_m) for one in fit.passes),
         evidence=held_out_evidence(laid.passes, laid.cells, surface, refit, work.step_m),
     )
