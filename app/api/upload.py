@@ -30,6 +30,7 @@ from app.formats.sniff import (
 )
 from app.services.ingest import Accepted, accept_survey
 from app.services.surveys import get_survey
+from app.services.swapped import SwappedPlaces, refuse_swapped_drives
 
 HEAD_BYTES = 4096  # our own JSON names its columns in the first of them, or it is not our own
 OURS = (b'"cells"', b'"time_s"', b'"rsrp_dbm"')
@@ -156,7 +157,14 @@ def store_drives(
     Raises:
         DuplicateSurvey: All of them are stored already.
         IdempotencyMismatch: The key belongs to a file of other content.
+        SwappedPlaces: One of them makes sense only with longitude and latitude exchanged.
     """
+    try:
+        refuse_swapped_drives(engine, [drive.trace for drive in drives])
+    except SwappedPlaces as error:
+        line = drives[error.drive].line
+        error.faults = [Fault(f"/lines/{line}", f"line {line}: {error.detail}")]
+        raise
     several, known = [], []
     for number, drive in enumerate(drives):
         key = (

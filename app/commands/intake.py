@@ -66,7 +66,7 @@ class Intake:
 
     def refuse(self, name: str, code: str, detail: str) -> None:
         """Count a drive that was not taken."""
-        self.refused[code].append(f"{name}: {detail[:160]}")
+        self.refused[code].append(f"{name}: {detail[:300]}")
 
 
 def is_folder_of_drives(folder: Path) -> bool:
@@ -110,6 +110,7 @@ class _Reading:
     sniffed: Sniffed
     account: Account
     bar: Progress
+    lines: dict[str, int] = field(default_factory=dict)  # of each drive's first sample, by its name
 
 
 def _take_drives(target: Target, reading: _Reading, wishes: Wishes, intake: Intake) -> None:
@@ -122,13 +123,14 @@ def _take_drives(target: Target, reading: _Reading, wishes: Wishes, intake: Inta
     tests = set() if wishes.include_tests else _test_drives(reading.file)
     if wishes.keep_going:
         for name, trace in _traces(reading, wishes, tests, intake):
-            _post_trace(target, name, trace, intake)
+            _post_trace(target, name, trace, intake, reading.lines[name])
         return
     with Spool() as spool:
         for name, trace in _traces(reading, wishes, tests, intake):
             spool.put(name, trace)
         for name, trace in spool.drain():
-            _post_trace(target, name, replace(trace, road_id=wishes.road_id), intake)
+            trace = replace(trace, road_id=wishes.road_id)  # noqa: PLW2901 - the same, named
+            _post_trace(target, name, trace, intake, reading.lines[name])
 
 
 def _traces(
@@ -156,7 +158,9 @@ def _traces(
             continue
         intake.passes += 1
         intake.global_ids.update(drive.trace.global_ids)
-        yield f"{reading.file.name}/{drive.name}", replace(drive.trace, road_id=wishes.road_id)
+        name = f"{reading.file.name}/{drive.name}"
+        reading.lines[name] = drive.line
+        yield name, replace(drive.trace, road_id=wishes.road_id)
     intake.skipped += skipped
     if skipped:
         reading.account.note(
@@ -229,7 +233,7 @@ def _post(target: Target, document: Document, name: str, intake: Intake) -> None
         _stored(intake, posted.roads, replayed=posted.replayed)
 
 
-def _post_trace(target: Target, name: str, trace: Trace, intake: Intake) -> None:
+def _post_trace(target: Target, name: str, trace: Trace, intake: Intake, line: int) -> None:
     digest = hashlib.sha256(repr((trace.cells, trace.device, trace.recorded_at)).encode())
     digest.update(repr(trace.road_id).encode())
     for numbers in (trace.time_s, trace.lon, trace.lat, trace.rsrp_dbm):
@@ -237,7 +241,7 @@ def _post_trace(target: Target, name: str, trace: Trace, intake: Intake) -> None
     try:
         posted = target.post_trace(trace, _key(name, digest.hexdigest()))
     except Refused as refusal:
-        _refused(refusal, name, intake)
+        _refused(refusal, f"{name} (from line {line})", intake)
     else:
         _stored(intake, posted.roads, replayed=posted.replayed)
 

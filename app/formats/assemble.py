@@ -39,6 +39,7 @@ class Drive:
 
     Attributes:
         name: The file's name for it with the number of its part, for messages and keys.
+        line: Of its first sample, for messages.
         dropped: Readings left out while its rows became samples, by reason.
         speed_mps, accuracy_m: As the device told them, a number a sample; NaN = not told.
     """
@@ -48,6 +49,7 @@ class Drive:
     dropped: Mapping[str, int]
     speed_mps: NDArray[np.float32]
     accuracy_m: NDArray[np.float32]
+    line: int
 
 
 @dataclass(slots=True)
@@ -196,6 +198,7 @@ class Assembler:
             dropped=dropped,
             speed_mps=rows.speed_mps[begins],
             accuracy_m=rows.accuracy_m[begins],
+            line=int(rows.line[0]),
         )
 
     def _trace(self, number: int, rows: Rows, sample: Indices, begins: Indices) -> Trace:

@@ -146,7 +146,7 @@ def _refuse_swapped(rows: Rows, labels: Labels) -> None:
     if swapped_by_country(rows.lon, rows.lat, known):
         where = f"lon {rows.lon[0]:g}, lat {rows.lat[0]:g}"
         raise WrongFile(
-            f"lon and lat look swapped: {where} (line {rows.line[0]}) is not in the part of the "
-            f"world of mobile country code {known[0][:3]}, and would be the other way round",
+            f"lon and lat look swapped: {where} (line {rows.line[0]}) is not where mobile country "
+            f"code {known[0][:3]} is on the air, and would be the other way round",
             f"/lines/{rows.line[0]}",
         )

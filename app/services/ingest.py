@@ -12,6 +12,7 @@ from app.domain import Line, Trace
 from app.errors import DuplicateSurvey, IdempotencyMismatch
 from app.numerics import lines
 from app.services.builds import join_build
+from app.services.swapped import refuse_swapped
 from app.store import roads, surveys
 from app.store.bounds import bounds_of, widened
 from app.store.columns import new_id
@@ -65,12 +66,14 @@ def accept_survey(
     Raises:
         DuplicateSurvey: The same content is stored, under another idempotency key or none.
         IdempotencyMismatch: The key belongs to a survey of other content.
+        SwappedPlaces: Its positions make sense only with longitude and latitude exchanged.
     """
     receipt = Receipt(idempotency_key, surveys.content_hash(trace), dropped or {})
     with write(engine) as connection:
         earlier = _earlier_survey(connection, receipt)
         if earlier is not None:
             return _accepted(earlier, replayed=True)
+        refuse_swapped(connection, trace)
         along = assign_roads(connection, trace)
         placing: Placing = "waiting" if trace.road_id is None else "given"
         for piece in along:

@@ -33,6 +33,24 @@ def samples_of(service: Service, survey_id: str):
     return service.client.get(f"/v1/surveys/{survey_id}/samples").json()
 
 
+@pytest.mark.parametrize("other", ["geosubmit", "tidy"])
+def test_exchanged_coordinates_are_named_by_line(service: Service, other: str):
+    """Far from all that is known, and amidst it the other way round: nothing of it is stored."""
+    assert post(service, "opencellid").status_code == 202
+    if other == "tidy":
+        names, *rows = samples.TIDY.replace("time_s,lon,lat", "timestamp_s,lat,lon").splitlines()
+        text, kind = "\n".join([names, *rows]), "text/csv"
+    else:
+        text, kind = samples.GEOSUBMIT, "application/json"
+        text = text.replace("latitude", "?").replace("longitude", "latitude")
+        text = text.replace("?", "longitude").replace('"mobileCountryCode": 262', '"x": 1')
+    headers = {"Content-Type": kind}
+    answer = service.client.post("/v1/surveys", content=text.encode(), headers=headers)
+    pointer = "/lines/2" if other == "tidy" else "/lines/1"
+    assert_problem(answer, 422, "swapped-places", {pointer})
+    assert len(service.client.get("/v1/surveys").json()["surveys"]) == 1
+
+
 def test_every_format_can_be_asked_for():
     """The query's words are those of the console."""
     assert set(get_args(FileFormat)) == set(FORMATS)
