@@ -112,7 +112,7 @@ def shortlists(index: MapIndex, query: Query) -> tuple[Coarse, list[Corner]]:
     mass = np.exp((rank[rows] - rank[rows].max()) / flat)
     mass /= mass.sum()
     round_ = closer & (rows >= straight)
-    corners = worth_laying(index, laid, rows[round_] - straight, mass[round_])
+    corners = worth_laying(index, query, laid, rows[round_] - straight, mass[round_])
     rows, closer = rows[rows < straight], closer[rows < straight]
     best = int(every.score.argmax())
     at = int(rows.searchsorted(best))

@@ -13,11 +13,13 @@ than this one add, less the price of any. Nothing else is in the score; a test a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from app.numerics.corners import TURN_SHARE
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.observation import (
     CENTRE_DBM,
@@ -29,16 +31,51 @@ from app.numerics.observation import (
     offset_db,
     offset_gain_at,
 )
+from app.numerics.paths import Way, road_along
 from app.numerics.query import Query
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Number of a road, +1 or -1 for the direction, and chainage of the window's last sample."""
+    """
+    Number of a road, +1 or -1 for the direction, and chainage of the window's last sample.
+
+    Attributes:
+        way: What the window was driven along, when that is not this road alone.
+    """
 
     road: int
     sign: int
     chainage_m: float
+    way: Way | None = None
+
+    @property
+    def log_prior(self) -> float:
+        """What is known beforehand, against a place that a window comes to straight."""
+        return 0.0 if self.way is None else math.log(TURN_SHARE)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Laid:
+    """Where a place lies on what its window was driven along: a road, or a way as a road."""
+
+    road: RoadIndex
+    sign: int
+    chainage_m: float
+
+
+def _laid(index: MapIndex, place: Place, length_m: float) -> _Laid:
+    """
+    Args:
+        length_m: Of the window.
+    """
+    way = place.way
+    if way is None:
+        return _Laid(index.roads[place.road], place.sign, place.chainage_m)
+    past_m = round(way.sign * (place.chainage_m - way.entered_m))
+    before_m = max(math.ceil(length_m) + 1 - past_m, 1)
+    road = road_along(index, way, (-before_m, past_m + 1))
+    return _Laid(road, 1, float(before_m + past_m))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,11 +121,11 @@ def contributions(
     Args:
         device_db: The device offset to take out of the levels; None = the one that fits the place.
     """
-    road = index.roads[place.road]
-    at = place.chainage_m / road.step_m
+    laid = _laid(index, place, query.length_m)
+    road, at = laid.road, laid.chainage_m / laid.road.step_m
     low = min(int(at), road.grid_size - 2)
     share = min(at - low, 1.0)
-    here, there = (_terms(road, query, low + step, place.sign) for step in (0, 1))
+    here, there = (_terms(road, query, low + step, laid.sign) for step in (0, 1))
     count = query.fine.heard * query.fine.weight[:, None]
     bend = here.bend * count * (share * (1.0 - share))
     level = here.level + share * (there.level - here.level) + bend
@@ -223,8 +260,9 @@ def expected(
     behind_m: Float[np.ndarray, " samples"],
 ) -> Expected:
     """What the map expects of each sample, straight between the grid positions about it."""
-    road = index.roads[place.road]
-    at = (place.chainage_m - place.sign * behind_m) / road.step_m + 1.0
+    laid = _laid(index, place, float(behind_m.max(initial=0.0)))
+    road = laid.road
+    at = (laid.chainage_m - laid.sign * behind_m) / road.step_m + 1.0
     at = np.clip(at, 0.0, road.along.columns - 1.0)
     low = np.minimum(at.astype(np.intp), road.along.columns - 2)
     near = _expected_at(road, cells, np.rint(at).astype(np.intp))

@@ -80,7 +80,7 @@ def lay(index: MapIndex, query: Query, size: int, tapes: list[int]) -> Laid | No
         tapes: Numbers of the tapes that are scored.
     """
     turns = index.turns
-    if query.length_m < LEAST_M or not query.cells or not len(turns):
+    if not may_turn(index, query):
         return None
     step_m, level = COARSE_STEPS_M[size], turns.levels[size]
     ends = round(query.length_m / step_m) - 1
@@ -142,14 +142,38 @@ def score_turns(index: MapIndex, query: Query, laid: Laid) -> Float32[np.ndarray
     if query.told is not None:
         return native.score_turns(laid.parts, (onto, off, room), span, index.likelihood)
     score, residual, weight = (laid.parts[onto] + laid.parts[off]).swapaxes(0, 1)
-    score = score + offset_gain(residual, weight, index.offset_prior)
+    gain = offset_gain(residual.ravel(), weight.ravel(), index.offset_prior)
+    score = score + gain.reshape(score.shape)
     ends = np.arange(1, count + 1)
     there = (ends >= span[0]) & (ends <= span[1]) & (ends <= room[:, None])
     return np.where(there, score, NEVER).astype(np.float32)
 
 
+def may_turn(index: MapIndex, query: Query) -> bool:
+    """Whether the window is long enough to be laid round corners, and there are any."""
+    return query.length_m >= LEAST_M and bool(query.cells) and len(index.turns) > 0
+
+
+def every_corner(index: MapIndex, query: Query) -> list[Corner]:
+    """All turns that the window may have taken, wherever it may end after them."""
+    every = []
+    for turn in range(len(index.turns)) if may_turn(index, query) else ():
+        first, last = _ends_of(index, query, turn)
+        every += [Corner(turn, first, last)] if first <= last else []
+    return every
+
+
+def _ends_of(index: MapIndex, query: Query, turn: int) -> tuple[int, int]:
+    """First and last metre past a turn's junction where the window may end."""
+    ways = index.turns.ways
+    sign, entered_m = int(ways.sign[turn]), float(ways.entered_m[turn])
+    room_m = (index.lengths_m[ways.road[turn]] - entered_m) if sign > 0 else entered_m
+    return int(np.ceil(EDGE_M)), int(min(room_m, query.length_m - EDGE_M))
+
+
 def worth_laying(
     index: MapIndex,
+    query: Query,
     laid: Laid,
     kept: Int[np.ndarray, " kept"],
     mass: Float[np.ndarray, " kept"],
@@ -165,16 +189,14 @@ def worth_laying(
     row, end = np.divmod(kept, count)
     total = np.bincount(row, mass)
     order = np.argsort(-total, kind="stable")[:MOST_CORNERS]
-    ways, corners = index.turns.ways, []
+    corners = []
     for one in order[total[order] >= NEGLIGIBLE].tolist():
         turn = one if laid.turns is None else int(laid.turns[one])
-        sign, entered_m = int(ways.sign[turn]), float(ways.entered_m[turn])
-        ends = end[row == one] + 1
-        shift_m = float(laid.level.past_m[turn])
-        room_m = (index.lengths_m[ways.road[turn]] - entered_m) if sign > 0 else entered_m
-        first = int((int(ends.min()) - 1) * laid.step_m + shift_m)
-        last = int((int(ends.max()) + 1) * laid.step_m + shift_m) + 1
-        corners.append(Corner(turn, max(first, 1), max(min(last, int(room_m)), 1)))
+        ends, shift_m = end[row == one] + 1, float(laid.level.past_m[turn])
+        least, most = _ends_of(index, query, turn)
+        first = max(int((int(ends.min()) - 1) * laid.step_m + shift_m), least)
+        last = min(int((int(ends.max()) + 1) * laid.step_m + shift_m) + 1, most)
+        corners += [Corner(turn, first, last)] if first <= last else []
     return corners
 
 

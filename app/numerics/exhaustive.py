@@ -8,13 +8,25 @@ from __future__ import annotations
 
 from app.domain import Fix, Window
 from app.numerics.answer import answer
+from app.numerics.corners import every_corner
 from app.numerics.index import MapIndex
-from app.numerics.matching import whole_roads
+from app.numerics.matching import whole_roads, with_corners
 from app.numerics.query import ask
 from app.numerics.refinement import refine
 
 
-def locate_exhaustively(index: MapIndex, window: Window, *, confidence: float = 0.68) -> Fix:
-    """`app.numerics.matching.locate` without its coarse scale; same arguments, same answer."""
+def locate_exhaustively(
+    index: MapIndex, window: Window, *, confidence: float = 0.68, turns: bool = False
+) -> Fix:
+    """
+    `app.numerics.matching.locate` without its coarse scale; same arguments, same answer.
+
+    Args:
+        turns: Lay the window round every corner, too, as `locate` does with those worth it; else
+            along single roads only.
+    """
     query = ask(index, window)
-    return answer(index, query, refine(index, query, whole_roads(index, query)), confidence)
+    straight = refine(index, query, whole_roads(index, query))
+    corners = every_corner(index, query) if turns else []
+    placed = with_corners(index, query, straight, corners)
+    return answer(index, query, placed.places, confidence, placed.log_prior)

@@ -30,6 +30,7 @@ class Account:
     What the window says of one place.
 
     Attributes:
+        came_by: Id of the road that the window was on before the corner; None without a corner.
         segment: Index of the sub-segment that holds the place.
         told: The place's score, taken apart.
         expected: What the map expects of the samples there, for the window's cells.
@@ -40,6 +41,7 @@ class Account:
 
     place: Place
     road_id: str
+    came_by: str | None
     segment: int
     direction: Direction
     told: Contributions
@@ -186,6 +188,7 @@ class _Sight:
         return Account(
             place=place,
             road_id=road.road_id,
+            came_by=None if place.way is None else self.index.road_ids[place.way.legs[-1].road],
             segment=segment,
             direction=Direction.FORWARD if place.sign > 0 else Direction.BACKWARD,
             told=told,

@@ -20,7 +20,7 @@ from app.numerics import native
 from app.numerics.alignment import align
 from app.numerics.answer import answer
 from app.numerics.coarse import COARSE_FLATTENING, Coarse, neighbours, shortlist, shortlists
-from app.numerics.corners import TURN_SHARE, places_round_corners
+from app.numerics.corners import TURN_SHARE, Corner, places_round_corners
 from app.numerics.index import MapIndex
 from app.numerics.observation import offset_gain
 from app.numerics.posterior import (
@@ -77,7 +77,13 @@ class Placed:
 def place(index: MapIndex, query: Query) -> Placed:
     """Both scales, along roads and round corners."""
     kept, corners = shortlists(index, query)
-    straight = refine(index, query, fine_places(index, query, kept))
+    return with_corners(
+        index, query, refine(index, query, fine_places(index, query, kept)), corners
+    )
+
+
+def with_corners(index: MapIndex, query: Query, straight: Places, corners: list[Corner]) -> Placed:
+    """Places along roads, and beside them those round corners with their prior."""
     if not corners:
         return Placed(straight, None)
     turned = places_round_corners(index, query, corners)

@@ -8,7 +8,7 @@ the road it is on now.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float32, Int
@@ -17,7 +17,7 @@ from app.numerics import native
 from app.numerics.alignment import score_positions
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.motion import Branch, Leg
-from app.numerics.observation import HEARD_FLOOR, TERMS, offset_gain
+from app.numerics.observation import HEARD_FLOOR, TERMS, Profile, offset_gain
 from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
 from app.numerics.query import FINE_STEP_M, Query
 
@@ -79,7 +79,7 @@ def places_along(index: MapIndex, query: Query, way: Way, span: tuple[int, int])
     first, last = span
     ends = np.arange(first, last + 1)
     reach = int(np.ceil(float(query.fine.behind_m[-1]))) + 1
-    rows = _rows_along(index, query, way, (min(first - reach, -1), last))
+    rows = _rows_along(index, query.cells, way, (min(first - reach, -1), last))
     before = rows.shape[1] - 1 - last  # columns before the road was entered
     values = np.empty((VALUES, len(ends)))
     where = np.full((2, len(ends)), ((way.road,), (way.sign,)))
@@ -115,40 +115,62 @@ def _lay(
     places.where[1] = sign  # along the way all windows go forward
 
 
+def road_along(index: MapIndex, way: Way, span: tuple[int, int]) -> RoadIndex:
+    """
+    A way as a road of its own: chainage 0 is ``-span[0]`` metres before the last road was entered.
+
+    Slow, for explanations; its sub-segments and salient features are those of the last road.
+    """
+    roads = [index.roads[leg.road] for leg in way.legs] + [index.roads[way.road]]
+    cells = tuple(sorted(set().union(*(road.column for road in roads))))
+    rows = _rows_along(index, cells, way, span)
+    outside = np.zeros((len(rows), 1), dtype=np.float32)
+    outside[-1] = 1.0
+    rows = np.ascontiguousarray(np.concatenate((outside, rows, outside), axis=1))
+    bend = np.zeros((len(cells), rows.shape[1]), dtype=np.float32)  # all places are whole metres
+    return replace(
+        roads[-1],
+        length_m=float(rows.shape[1] - 3),
+        step_m=FINE_STEP_M,
+        column={cell: number for number, cell in enumerate(cells)},
+        along=Profile(rows, bend),
+    )
+
+
 def _rows_along(
-    index: MapIndex, query: Query, way: Way, span: tuple[int, int]
+    index: MapIndex, cells: tuple[str, ...], way: Way, span: tuple[int, int]
 ) -> Float32[np.ndarray, "rows columns"]:
-    """Profile rows of the query's cells, metre by metre, 0 where the last road was entered."""
+    """Profile rows of cells metre by metre along the way, 0 where the last road was entered."""
     reach = -span[0]
-    parts = [_stretch(index.roads[way.road], query, way.entered_m, way.sign, (0, span[1]))]
+    parts = [_stretch(index.roads[way.road], cells, way.entered_m, way.sign, (0, span[1]))]
     for number, leg in enumerate(reversed(way.legs)):
         if reach <= 0:
             break
         oldest = number == len(way.legs) - 1
         driven = reach if oldest else min(round(abs(leg.end_m - leg.start_m)), reach)
-        parts.append(_stretch(index.roads[leg.road], query, leg.end_m, leg.sign, (-driven, -1)))
+        parts.append(_stretch(index.roads[leg.road], cells, leg.end_m, leg.sign, (-driven, -1)))
         reach -= driven
     return np.concatenate(parts[::-1], axis=1)
 
 
 def _stretch(
-    road: RoadIndex, query: Query, from_m: float, sign: int, span: tuple[int, int]
+    road: RoadIndex, cells: tuple[str, ...], from_m: float, sign: int, span: tuple[int, int]
 ) -> Float32[np.ndarray, "rows columns"]:
-    """Rows of the query's cells at metres ``span`` of travel from a chainage."""
+    """Rows of cells at metres ``span`` of travel from a chainage."""
     at_m = from_m + sign * np.arange(span[0], span[1] + 1) * FINE_STEP_M
     columns = np.clip(np.rint(at_m / road.step_m).astype(np.intp) + 1, 0, road.along.columns - 1)
-    out = np.zeros((TERMS * len(query.cells) + 2, len(columns)), dtype=np.float32)
+    out = np.zeros((TERMS * len(cells) + 2, len(columns)), dtype=np.float32)
     out[TERMS - 1 : -2 : TERMS] = UNHEARD_LOGIT
-    here, there = _shared(road, query)
+    here, there = _shared(road, cells)
     out[here] = road.along.rows[there[:, None], columns]
     out[-2:] = road.along.rows[-2:, columns]
     return out
 
 
 def _shared(
-    road: RoadIndex, query: Query
+    road: RoadIndex, cells: tuple[str, ...]
 ) -> tuple[Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
-    """Rows of the query's cells that the road knows: in the query's order, and in the road's."""
-    pairs = [(i, road.column[c]) for i, c in enumerate(query.cells) if c in road.column]
+    """Rows of the cells that the road knows: in their own order, and in the road's."""
+    pairs = [(i, road.column[cell]) for i, cell in enumerate(cells) if cell in road.column]
     numbers = np.array(pairs, dtype=np.intp).reshape(-1, 2, 1) * TERMS + np.arange(TERMS)
     return numbers[:, 0].ravel(), numbers[:, 1].ravel()

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from app.domain import Fix
+from app.numerics.coarse import shortlist, shortlists
 from app.numerics.contributions import Place, contributions
+from app.numerics.corners import places_round_corners, way_of
 from app.numerics.index import MapIndex
-from app.numerics.matching import fine_places, shortlist, whole_roads
+from app.numerics.matching import fine_places, whole_roads
 from app.numerics.posterior import Places
 from app.numerics.query import Query
 from app.numerics.refinement import refine
@@ -25,7 +27,27 @@ def answered_place(index: MapIndex, query: Query, fix: Fix) -> Place:
         and abs(one.chainage_m - fix.chainage_m) <= PEAK_M
     ]
     near = near or [Place(road, sign, fix.chainage_m)]
-    return max(near, key=lambda place: contributions(index, query, place).score)
+    near += _round_corners(index, query, near[0], fix.chainage_m)
+    temperature = query.temperature(index.calibration)
+
+    def density(place: Place) -> float:
+        return contributions(index, query, place).score + temperature * place.log_prior
+
+    return max(near, key=density)
+
+
+def _round_corners(index: MapIndex, query: Query, near: Place, chainage_m: float) -> list[Place]:
+    """Of each turn that the window may have taken, the best place beside the answer's."""
+    found = []
+    for corner in shortlists(index, query)[1]:
+        places = places_round_corners(index, query, [corner])
+        beside = np.abs(places.chainage_m - chainage_m) <= PEAK_M
+        beside &= (places.road == near.road) & (places.sign == near.sign)
+        if beside.any():
+            best = int(np.where(beside, places.score, -np.inf).argmax())
+            at_m = float(places.chainage_m[best])
+            found.append(Place(near.road, near.sign, at_m, way_of(index, corner.turn)))
+    return found
 
 
 def runner_up(index: MapIndex, query: Query, answer: Place) -> Place:

@@ -43,13 +43,23 @@ def sentences(told: Explanation, fix: Fix) -> tuple[str, ...]:
         return ("None of the window's cells is on the map: nothing tells one place from another.",)
     if fix.off_map:
         return (_misfit(told, fix), *_astray(told))
-    return (_verdict(told), *_separators(told))
+    return (_verdict(told), *_corner(told), *_separators(told))
+
+
+def _corner(told: Explanation) -> list[str]:
+    """Where the window comes from, when it came round a corner."""
+    place = told.answer.place
+    if place.way is None:
+        return []
+    leg, since_m = place.way.legs[-1], abs(place.chainage_m - place.way.entered_m)
+    off = f"off {told.answer.came_by} at {leg.end_m:.0f} m, {since_m:.0f} m before its end"
+    return [f"The window comes round a corner: {off}."]
 
 
 def _verdict(told: Explanation) -> str:
     rival = told.runner_up
     where = f"{_place(rival)} is the runner-up"
-    log_odds = told.difference / told.temperature
+    log_odds = told.difference / told.temperature + told.answer.place.log_prior
     if log_odds < 0:
         return f"{where}; by itself this window fits there e^{-log_odds:.1f} times better."
     if log_odds > math.log(CLEAR_ODDS):

@@ -10,7 +10,9 @@ import pytest
 from app.domain import Direction, Window
 from app.evaluation.scenario import drive, windows
 from app.numerics.exhaustive import locate_exhaustively
-from app.numerics.matching import locate
+from app.numerics.matching import locate, shortlist
+from app.numerics.query import ask
+from tests.factories import line_at, model_of
 from tests.numerics.cities import (
     city_of,
     error_m,
@@ -21,6 +23,7 @@ from tests.numerics.cities import (
     with_gaps,
     with_strangers,
 )
+from tests.numerics.tiny import map_of
 
 NEAR_AN_END_M = 4.0
 ROUNDING_M = 1e-4  # of sums of float32 in two orders, in C and in numpy
@@ -230,6 +233,19 @@ def test_a_road_that_the_map_lacks_is_off_the_map():
             (away if truth.road_id == absent else here).append(locate(index, window).off_map)
         assert np.mean(away) > 0.75
         assert np.mean(here) < 0.05
+
+
+def test_a_road_left_out_leaves_the_others():
+    """Also where no other road shares a tape with it or has heard any of the window's cells."""
+    models = tuple(
+        model_of(f"road-{i}", seed=i, line=line_at(900.0 * i, length_m=4000.0), cells=(cell,))
+        for i, cell in enumerate("ab")
+    )
+    index = map_of(models)
+    assert len(index.tapes) == 2
+    query = ask(index, Window(("a",), np.arange(20.0), np.full((20, 1), -90.0)))
+    assert set(shortlist(index, query, without=0).road.tolist()) == {1}
+    assert set(shortlist(index, query, without=1).road.tolist()) == {0}
 
 
 def test_confidence_widens_the_radius():
