@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 Singles: TypeAlias = NDArray[np.float32]
 Wholes: TypeAlias = NDArray[np.signedinteger[Any]]
-Likelihood: TypeAlias = tuple[float, float, float, float, float, float, float]
+Likelihood: TypeAlias = tuple[float, float, float, float, float, float]
 
 VERSION: int
 
@@ -17,6 +17,7 @@ def evidence(
     distance_m: Floats,
     rsrp_dbm: Floats,
     columns: list[int],
+    carrier: list[int],
     step_m: float,
     centre_dbm: float,
     correlation_m: float,

@@ -177,9 +177,6 @@ def _score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | N
         tape = index.tapes[number]
         arms = None if laid is None else laid.of(number)
         part = _score_tape(index, query, tape.column, tape.levels[size], arms)
-        if not tape.column.keys() >= set(query.cells):
-            # Tapes compare only when each pays for the cells that none of its roads has heard.
-            part.score[:] += query.unmapped_score(tape.column.keys())
         scored.append(part)
     return scored[0] if len(scored) == 1 else _joined(scored)
 

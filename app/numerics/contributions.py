@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from app.numerics.carriers import carrier_of, numbers_in
 from app.numerics.corners import TURN_SHARE
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.observation import (
@@ -26,7 +27,6 @@ from app.numerics.observation import (
     HEARING_WEIGHT,
     OUTSIDE_HEARD,
     TERMS,
-    UNMAPPED,
     Evidence,
     offset_db,
     offset_gain_at,
@@ -166,7 +166,7 @@ def _terms(road: RoadIndex, query: Query, grid: int, sign: int) -> _Terms:
     seen = query.fine
     behind = np.rint(seen.behind_m / road.step_m).astype(np.intp)
     columns = np.clip(grid + 1 - sign * behind, 0, road.along.columns - 1)
-    precision, aimed, square, logit = cell_terms(road, query.cells, columns)
+    precision, aimed, square, logit, _ = cell_terms(road, query.cells, columns)
     count = seen.heard * seen.weight[:, None]
     return _Terms(
         level=-0.5 * count * (precision * seen.rsrp_db**2 - 2.0 * aimed * seen.rsrp_db + square),
@@ -187,22 +187,29 @@ def _hearing(
 ) -> Float[np.ndarray, "samples cells"]:
     """Hearing the cells or not, cells that the road lacks and samples beyond its ends included."""
     seen = query.fine
-    lacking = np.array([cell not in road.column for cell in query.cells], dtype=bool)
     outside = road.along.rows[-1, columns].astype(float)[:, None]
-    each = HEARING_WEIGHT * (seen.heard * logit + np.where(mapped, -np.logaddexp(0.0, logit), 0.0))
-    each += HEARING_WEIGHT * np.log(OUTSIDE_HEARD) * outside * seen.heard
-    each += UNMAPPED * seen.heard * lacking
-    return np.asarray(each * seen.weight[:, None])
+    listened = seen.share @ _alike(query.cells, query.cells)
+    each = seen.heard * (logit + np.log(OUTSIDE_HEARD) * outside)
+    each += listened * np.where(mapped, -np.logaddexp(0.0, logit), 0.0)
+    return np.asarray(HEARING_WEIGHT * each * seen.weight[:, None])
 
 
 def _silent(
     road: RoadIndex, cells: tuple[str, ...], seen: Evidence, columns: Int[np.ndarray, " samples"]
 ) -> dict[str, float]:
-    """Not hearing the road's other cells at all."""
-    names = tuple(sorted(road.column.keys() - set(cells)))
-    precision, _, _, logit = cell_terms(road, names, columns)
+    """Not hearing the road's other cells at all, of carriers that were heard."""
+    names = tuple(sorted(set(road.cells) - set(cells)))
+    precision, _, _, logit, _ = cell_terms(road, names, columns)
     each = np.where(precision > 0.0, -np.logaddexp(0.0, logit), 0.0)
-    return dict(zip(names, (HEARING_WEIGHT * (seen.weight @ each)).tolist(), strict=True))
+    listened = seen.weight[:, None] * (seen.share @ _alike(cells, names))
+    told = HEARING_WEIGHT * (listened * each).sum(axis=0)
+    return dict(zip(names, told.tolist(), strict=True))
+
+
+def _alike(cells: tuple[str, ...], others: tuple[str, ...]) -> Bool[np.ndarray, "cells others"]:
+    """Whether they are of one carrier."""
+    same = [[carrier_of(cell) == carrier_of(other) for other in others] for cell in cells]
+    return np.array(same, dtype=bool).reshape(len(cells), len(others))
 
 
 def _gain(index: MapIndex, here: _Terms, there: _Terms, share: float) -> float:
@@ -218,8 +225,8 @@ def _gain(index: MapIndex, here: _Terms, there: _Terms, share: float) -> float:
 
 def cell_terms(
     road: RoadIndex, cells: tuple[str, ...], columns: Int[np.ndarray, " samples"]
-) -> Float[np.ndarray, "4 samples cells"]:
-    """A, B, C and L of cells at columns of a road's profile; 0 where the road lacks the cell."""
+) -> Float[np.ndarray, "5 samples cells"]:
+    """A, B, C, L and S of cells at columns of a road's profile, their stand-ins' if it lacks them."""
     return _of_cells(road.along.rows, road, cells, columns, TERMS)
 
 
@@ -231,9 +238,8 @@ def _of_cells(
     terms: int,
 ) -> Float[np.ndarray, "terms samples cells"]:
     out = np.zeros((terms, len(columns), len(cells)))
-    for at, cell in enumerate(cells):
-        row = road.column.get(cell)
-        if row is not None:
+    for at, row in enumerate(numbers_in(road.column, cells)):
+        if row >= 0:
             out[:, :, at] = rows[row * terms : (row + 1) * terms, columns]
     return out
 
@@ -275,7 +281,7 @@ def expected(
 def _expected_at(
     road: RoadIndex, cells: tuple[str, ...], columns: Int[np.ndarray, " samples"]
 ) -> Float[np.ndarray, "3 samples cells"]:
-    precision, aimed, _, logit = cell_terms(road, cells, columns)
+    precision, aimed, _, logit, _ = cell_terms(road, cells, columns)
     mapped = precision > 0.0
     safe = np.where(mapped, precision, 1.0)
     level = np.where(mapped, aimed / safe + CENTRE_DBM, np.nan)

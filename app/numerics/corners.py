@@ -110,26 +110,12 @@ def score_arms(
         rows: Of the tape's profile, as aimed at.
     """
     each = np.tensordot(aim.factors.astype(np.float32), rows, axes=1)
-    each[0] += _unmapped(query, aim, step_m)[:, None]
     column, sign, onto = arms.where[:, :, None, None]
     past = np.arange(1, arms.parts.shape[2] + 1)[:, None] - aim.behind
     there = (past >= 0) == (onto == 1)
     sample = np.arange(len(aim.behind))
     half = np.where(there, each[:, sample, column + sign * past], 0.0).sum(axis=-1)
     arms.parts[:] = half.swapaxes(0, 1)
-
-
-def _unmapped(query: Query, aim: Aim, step_m: float) -> Float[np.ndarray, " samples"]:
-    """Of each joined sample, the score of the cells that a profile lacks."""
-    seen = query.fine
-    missed = seen.heard.sum(axis=1)
-    if aim.here is None:
-        missed = np.zeros_like(missed)
-    else:
-        missed = missed - seen.heard[:, aim.here].sum(axis=1)
-    behind = np.rint(seen.behind_m * (1.0 / step_m))
-    starts = np.concatenate(([0], (behind[1:] != behind[:-1]).nonzero()[0] + 1))
-    return np.asarray(UNMAPPED * np.add.reduceat(seen.weight * missed, starts))
 
 
 def score_turns(index: MapIndex, query: Query, laid: Laid) -> Float32[np.ndarray, "turns ends"]:

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from app.numerics.alignment import align
+from app.numerics.carriers import columns_of
 from app.numerics.evidence_table import HeldOut, pack
 from app.numerics.index import road_profile
 from app.numerics.observation import Evidence, Profile
@@ -37,15 +38,25 @@ HOPELESS = 150.0  # a score this far under the best has no mass at any temperatu
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """A road's model on its grid: what a window is aligned with."""
+    """
+    A road's model on its grid: what a window is aligned with.
+
+    Attributes:
+        heard: See `app.domain.RoadModel`.
+    """
 
     mean_dbm: Float[np.ndarray, "grid cells"]
     spread_db: Float[np.ndarray, "grid cells"]
     heard: Float[np.ndarray, "grid cells"]
 
-    def profile(self) -> Profile:
+    @property
+    def usually_heard(self) -> Float[np.ndarray, "grid cells"]:
+        """Probability of hearing each cell, 0 where it is not mapped."""
+        return np.where(np.isnan(self.mean_dbm), 0.0, self.heard)
+
+    def profile(self, cells: tuple[str, ...]) -> Profile:
         """Ready for scoring."""
-        return road_profile(self.mean_dbm, self.spread_db, self.heard)
+        return road_profile(cells, self.mean_dbm, self.spread_db, self.heard)
 
 
 def held_out_evidence(
@@ -71,12 +82,12 @@ def held_out_evidence(
     if len(folds) > 1:
         for held in folds:
             others = [one for one in passes if one not in held]
-            along = refit(others).profile()
+            along = refit(others).profile(cells)
             for one, first, last in _cut(held, max(WINDOWS_PER_ROAD // len(folds), 6)):
                 if _covered(one.chainage_m[[first, last]], others):
                     found += _held_out(one, first, last, cells, (along, step_m), measured=True)
     else:
-        along = surface.profile()
+        along = surface.profile(cells)
         drawn = [_redrawn(one, surface, step_m, seed) for seed, one in enumerate(passes)]
         for one, first, last in _cut(drawn, WINDOWS_PER_ROAD):
             found += _held_out(one, first, last, cells, (along, step_m), measured=False)
@@ -162,7 +173,7 @@ def _held_out(
     along, step_m = road
     names = tuple(cells[column] for column in heard)
     query = prepare(names, (), travelled_m, rsrp[:, heard])
-    aim = query.aim({cell: index for index, cell in enumerate(cells)}, step_m)
+    aim = query.aim(columns_of(cells), step_m)
     values = np.zeros((VALUES, 2, along.columns - 2))
     grid_m = np.arange(along.columns - 2) * step_m
     for way, sign in enumerate(BOTH):

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, RadioMap, RoadModel
 from app.numerics import native
+from app.numerics.carriers import columns_of
 from app.numerics.geodesy import Floats, LonLat
 from app.numerics.graph import RoadGraph
 from app.numerics.lines import headings_deg, point_at
@@ -28,12 +29,18 @@ from app.numerics.turns import Grounds, find_turns
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoadIndex:
-    """One road, ready for alignment; column ``i + 1`` of its profile is grid position ``i``."""
+    """
+    One road, ready for alignment; column ``i + 1`` of its profile is grid position ``i``.
+
+    Attributes:
+        column: Number of each cell, and of each carrier's stand-in, in the profile.
+    """
 
     road_id: str
     number: int
     length_m: float
     step_m: float
+    cells: tuple[str, ...]
     column: dict[str, int]
     along: Profile
     edges_m: Floats
@@ -96,7 +103,7 @@ class MapIndex:
         self.roads = tuple(roads)
         self.road_ids = tuple(road.road_id for road in roads)
         self.lengths_m = np.array([road.length_m for road in roads])
-        self.cells = frozenset().union(*(road.column for road in roads)) if roads else frozenset()
+        self.cells = frozenset().union(*(model.cells for model in radio_map.models))
         self.atlas = _draw_atlas(radio_map.models)
         self.lines = tuple(model.line for model in radio_map.models)
         self.graph = RoadGraph.of(self.lines)
@@ -128,14 +135,16 @@ def _road(number: int, model: RoadModel) -> RoadIndex:
         number=number,
         length_m=model.length_m,
         step_m=model.step_m,
-        column={cell: index for index, cell in enumerate(model.cells)},
-        along=road_profile(model.mean_dbm, model.spread_db, model.heard),
+        cells=model.cells,
+        column=columns_of(model.cells),
+        along=road_profile(model.cells, model.mean_dbm, model.spread_db, model.heard),
         edges_m=np.array([s.start_m for s in model.segments] + [model.length_m]),
         salient=Salient.of(model),
     )
 
 
 def road_profile(
+    cells: Sequence[str],
     mean_dbm: Float[np.ndarray, "grid cells"],
     spread_db: Float[np.ndarray, "grid cells"],
     heard: Float[np.ndarray, "grid cells"],
@@ -147,7 +156,7 @@ def road_profile(
     )
     outside = np.zeros(len(mean), dtype=bool)
     outside[[0, -1]] = True
-    return profile(mean, spread, hearing, outside)
+    return profile(cells, mean, spread, hearing, outside)
 
 
 def _draw_atlas(models: Sequence[RoadModel]) -> Atlas:

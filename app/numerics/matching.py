@@ -179,7 +179,6 @@ def _stretch(
     values[CHAINAGE] = np.arange(first, last + 1) * road.step_m
     values[WIDTH] = road.step_m
     values[SCORE] = score + offset_gain(residual, weight, index.offset_prior)
-    values[SCORE] += aim.constant
     values[RESIDUAL], values[WEIGHT] = residual, weight
     if last == road.grid_size - 1:
         values[CHAINAGE, -1] = road.length_m

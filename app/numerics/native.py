@@ -20,7 +20,6 @@ from app.numerics.observation import (
     CORRELATION_M,
     HEARING_WEIGHT,
     OUTSIDE_HEARD,
-    UNMAPPED,
     Evidence,
     OffsetPrior,
 )
@@ -31,18 +30,18 @@ try:
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 3  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 4  # a library left by an older version of the code is not used
 
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
 Rival = tuple[int, int, int, float, float, float, float]
-Likelihood = tuple[float, float, float, float, float, float, float]
+Likelihood = tuple[float, float, float, float, float, float]
 
 
 def likelihood(prior: OffsetPrior) -> Likelihood:
     """The constants of `app.numerics.observation` and a map's prior, as the kernels take them."""
     offset = (prior.like_db2, prior.like_log, prior.any_db2, prior.any_log)
-    return (HEARING_WEIGHT, math.log(OUTSIDE_HEARD), UNMAPPED, *offset)
+    return (HEARING_WEIGHT, math.log(OUTSIDE_HEARD), *offset)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,8 +50,8 @@ class Told:
     A window's evidence in one piece.
 
     Attributes:
-        block: ``behind_m``, ``weight``, ``rsrp_db`` and ``heard`` of an `Evidence`, end to end;
-            what follows them is unused.
+        block: ``behind_m``, ``weight``, ``rsrp_db``, ``heard`` and ``share`` of an `Evidence`, end
+            to end; what follows them is unused.
         samples: How many samples the evidence has.
     """
 
@@ -84,24 +83,27 @@ def evidence(
     rsrp_dbm: Float[np.ndarray, "samples cells"],
     columns: list[int],
     step_m: float,
+    carrier: Int[np.ndarray, " chosen"],
 ) -> tuple[Told, Evidence]:
     """Twin of `app.numerics.observation.evidence` for some columns, in both forms."""
     count = len(columns)
-    block = np.empty(len(distance_m) * (2 + 2 * count))
+    block = np.empty(len(distance_m) * (2 + 3 * count))
     samples = _native.evidence(
         np.ascontiguousarray(distance_m, dtype=np.float64),
         np.ascontiguousarray(rsrp_dbm, dtype=np.float64),
         columns,
+        carrier.tolist(),
         step_m,
         CENTRE_DBM,
         CORRELATION_M,
         block,
     )
-    level, heard, end = 2 * samples, (2 + count) * samples, (2 + 2 * count) * samples
+    level, heard, share, end = [(2 + part * count) * samples for part in range(4)]
     seen = Evidence(
         block[:samples],
         block[level:heard].reshape(samples, count),
-        block[heard:end].reshape(samples, count),
+        block[heard:share].reshape(samples, count),
+        block[share:end].reshape(samples, count),
         block[samples:level],
     )
     return Told(block, samples), seen

@@ -4,23 +4,28 @@ What a window says of a place: the likelihood that every matcher shares.
 A sample of a vehicle at chainage ``s`` hears cell ``k`` with probability ``p_k(s)`` and reads it as
 ``N(mu_k(s) + b, sigma_k(s)^2)``, where ``b`` is the device's offset, common to the window. Readings
 are compared with a featureless background (any level within 50 dB, any cell), so that scores of
-places that know different cells compare. For one sample the logarithm is linear in four terms of
+places that know different cells compare. For one sample the logarithm is linear in five terms of
 the map, which is why whole roads are scored by one matrix product:
 
-    sum over heard k of [-1/2 (A y^2 - 2 B y + C) + h L]  +  h base
+    sum over heard k of [-1/2 (A y^2 - 2 B y + C) + h (L + S / n)]
 
 with ``A = 1/sigma^2``, ``B = A mu``, ``C = A mu^2 + log(2 pi sigma^2) - 2 log 50``, ``L`` the logit
-of ``p_k`` and ``base`` the sum over all mapped cells of ``log(1 - p_k)``; ``y`` and ``mu`` are
-counted from `CENTRE_DBM` so that float32 keeps every digit that matters.
+of ``p_k``, ``S`` the sum over all mapped cells of k's carrier of ``log(1 - p)`` and ``n`` how many of
+that carrier's cells the sample heard, so that ``S`` counts once a carrier that was heard at all (see
+`app.numerics.carriers`); ``y`` and ``mu`` are counted from `CENTRE_DBM` so that float32 keeps every
+digit that matters.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float, Float32, Int
+
+from app.numerics import carriers
 
 CENTRE_DBM = -95.0
 BACKGROUND_SPAN_DB = 50.0  # phones report some 50 dB of useful RSRP; any level in it is as likely
@@ -28,11 +33,10 @@ HEARD_FLOOR = 0.02  # a cell may appear, or fail to, wherever the survey says ot
 HEARING_WEIGHT = 0.3  # hearing is far more alike from sample to sample than levels are
 CORRELATION_M = 10.0  # closer samples share shadowing and count as one; the map's temperature, too
 OUTSIDE_HEARD = 0.03  # chance of a reading off the road: windows rarely begin on another one
-UNMAPPED = HEARING_WEIGHT * math.log(HEARD_FLOOR / (1.0 - HEARD_FLOOR))  # a cell that a road lacks
 BROAD_OFFSET_SD_DB = 6.0  # devices differ by up to 8 dB
 BROAD_OFFSET_SHARE = 0.1  # how often a device is unlike those of the surveys
 
-TERMS = 4  # A, B, C, L: see the module's text
+TERMS = 5  # A, B, C, L, S: see the module's text
 CHANNELS = 3  # score, weighted residual, weight: what marginalising the offset needs
 
 
@@ -42,8 +46,9 @@ class Profile:
     Expected readings along a stretch, ready for scoring.
 
     Attributes:
-        rows: A, B, C and L of every cell, cell after cell, then the base, then "outside": 1 where
-            there is no road. Shape ``(4 cells + 2, columns)``.
+        rows: A, B, C, L and S of every cell, cell after cell, those of each carrier's stand-in last
+            (`app.numerics.carriers.columns_of`), then "outside": 1 where there is no road. Shape
+            ``(5 cells + 1, columns)``.
         bend: ``A (mu_next - mu)^2 / 2`` of every cell from each column to the next: by how much a
             place between the two fits better than its neighbours' mean, times ``f (1 - f)``.
             Shape ``(cells, columns)``.
@@ -67,16 +72,20 @@ class Evidence:
         behind_m: Travelled distance from each sample to the window's end. Shape ``(samples,)``.
         rsrp_db: Mean reading above `CENTRE_DBM`, 0 where not heard. Shape ``(samples, cells)``.
         heard: Share of the sample's readings that heard the cell, 0..1, same shape.
+        share: The cell's part of all that the sample heard of its carrier; those of a carrier sum
+            to 1, or to 0 where it was not heard.
         weight: How much each sample counts, 0..1, for the shadowing it shares with its neighbours.
     """
 
     behind_m: Float[np.ndarray, " samples"]
     rsrp_db: Float[np.ndarray, "samples cells"]
     heard: Float[np.ndarray, "samples cells"]
+    share: Float[np.ndarray, "samples cells"]
     weight: Float[np.ndarray, " samples"]
 
 
 def profile(
+    cells: Sequence[str],
     mean_dbm: Float[np.ndarray, "columns cells"],
     spread_db: Float[np.ndarray, "columns cells"],
     heard: Float[np.ndarray, "columns cells"],
@@ -87,7 +96,8 @@ def profile(
 
     Args:
         mean_dbm, spread_db: Expected level and its spread; NaN where the cell is not mapped.
-        heard: Probability of hearing the cell.
+        heard: Probability of hearing the cell, given that its carrier is heard; where the cell is
+            not mapped, see `app.numerics.hearing.stranger_chance`.
         outside: Columns that are no road; everything else about them must be NaN.
     """
     mapped = ~np.isnan(mean_dbm)
@@ -95,38 +105,51 @@ def profile(
     level_db = np.where(mapped, mean_dbm, CENTRE_DBM) - CENTRE_DBM
     precision = np.where(mapped, 1.0 / variance, 0.0)
     normaliser = np.log(variance * (2.0 * np.pi)) - 2.0 * np.log(BACKGROUND_SPAN_DB)
-    sure = np.clip(np.where(mapped, heard, 0.0), HEARD_FLOOR, 1.0 - HEARD_FLOOR)
-    silent = np.log1p(-sure)
-    road = ~outside[:, None]
+    carrier = carriers.numbers(cells)
+    strange = carriers.unmapped_chance(heard, mean_dbm, carrier, HEARD_FLOOR)
+    chance = np.clip(np.where(mapped, heard, strange[:, carrier]), HEARD_FLOOR, 1.0 - HEARD_FLOOR)
+    silent = np.where(mapped, np.log1p(-chance), 0.0)
+    of_carrier = np.eye(strange.shape[1])[carrier]
+    silence, road = silent @ of_carrier, ~outside[:, None]
     terms = [
         precision,
         precision * level_db,
         precision * level_db**2 + np.where(mapped, normaliser, 0.0),
-        np.where(road, np.log(sure) - silent, 0.0),
+        np.where(road, _logit(chance), 0.0),
+        np.where(road, silence[:, carrier], 0.0),
     ]
-    columns, cells = mean_dbm.shape
-    rows = np.empty((TERMS * cells + 2, columns), dtype=np.float32)
+    columns, count = mean_dbm.shape
+    rows = np.zeros((TERMS * (count + strange.shape[1]) + 1, columns), dtype=np.float32)
     for term, values in enumerate(terms):
-        rows[term:-2:TERMS] = values.T
-    rows[-2] = np.where(mapped, silent, 0.0).sum(axis=1)
+        rows[term : TERMS * count : TERMS] = values.T
+    rows[TERMS * count + 3 : -1 : TERMS] = np.where(road, _logit(strange), 0.0).T
+    rows[TERMS * count + 4 : -1 : TERMS] = np.where(road, silence, 0.0).T
     rows[-1] = outside
-    bend = np.zeros((cells, columns), dtype=np.float32)
+    bend = np.zeros((count + strange.shape[1], columns), dtype=np.float32)
     between = mapped[:-1] & mapped[1:]
     steps_db = np.diff(level_db, axis=0)
-    bend[:, :-1] = np.where(between, 0.5 * precision[:-1] * steps_db**2, 0.0).T
+    bend[:count, :-1] = np.where(between, 0.5 * precision[:-1] * steps_db**2, 0.0).T
     return Profile(rows, bend)
+
+
+def _logit(chance: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    return np.asarray(np.log(chance) - np.log1p(-chance))
 
 
 def evidence(
     distance_m: Float[np.ndarray, " samples"],
     rsrp_dbm: Float[np.ndarray, "samples cells"],
     step_m: float,
+    carrier: Int[np.ndarray, " cells"],
 ) -> Evidence:
     """
     Readings of a window averaged over stretches of ``step_m`` that end at its last sample.
 
     A standing car's hundred readings of one place become one; the order of the samples within a
     stretch, and of the cells, moves nothing.
+
+    Args:
+        carrier: Number of each cell's carrier.
     """
     level_db = rsrp_dbm[::-1] - CENTRE_DBM
     known = level_db == level_db  # noqa: PLR0124  # False for NaN alone, in one pass
@@ -142,7 +165,9 @@ def evidence(
         level_db = np.add.reduceat(level_db, starts, axis=0) / np.maximum(count, 1.0)
         heard = count / samples[:, None]
         behind_m = np.add.reduceat(behind_m, starts) / samples
-    return Evidence(behind_m, level_db, heard, sample_weight(behind_m))
+    same = carrier[:, None] == carrier
+    share = heard / np.maximum(heard @ same, 1e-12)
+    return Evidence(behind_m, level_db, heard, share, sample_weight(behind_m))
 
 
 def sample_weight(behind_m: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
@@ -161,22 +186,22 @@ def coefficients(seen: Evidence) -> Float[np.ndarray, "channels samples rows"]:
     """
     The window's side of the likelihood: what multiplies each of a profile's rows.
 
-    Three channels: the score, the weighted residual and the weight, per sample. Rows are the four
-    terms of each cell of the window, then the base, then "outside the road".
+    Three channels: the score, the weighted residual and the weight, per sample. Rows are the five
+    terms of each cell of the window, then "outside the road".
     """
     samples, count = seen.heard.shape
     heard = seen.heard * seen.weight[:, None]
     heard_level = heard * seen.rsrp_db
-    out = np.zeros((CHANNELS, samples, count * TERMS + 2))
-    by_cell = out[:, :, :-2].reshape(CHANNELS, samples, count, TERMS)
+    out = np.zeros((CHANNELS, samples, count * TERMS + 1))
+    by_cell = out[:, :, :-1].reshape(CHANNELS, samples, count, TERMS)
     by_cell[0, :, :, 0] = -0.5 * heard_level * seen.rsrp_db
     by_cell[0, :, :, 1] = heard_level
     by_cell[0, :, :, 2] = -0.5 * heard
     by_cell[0, :, :, 3] = HEARING_WEIGHT * heard
+    by_cell[0, :, :, 4] = HEARING_WEIGHT * seen.weight[:, None] * seen.share
     by_cell[1, :, :, 0] = heard_level
     by_cell[1, :, :, 1] = -heard
     by_cell[2, :, :, 0] = heard
-    out[0, :, -2] = HEARING_WEIGHT * seen.weight
     out[0, :, -1] = (HEARING_WEIGHT * np.log(OUTSIDE_HEARD)) * heard.sum(axis=1)
     return out
 

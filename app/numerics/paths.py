@@ -15,14 +15,14 @@ from jaxtyping import Float32, Int
 
 from app.numerics import native
 from app.numerics.alignment import score_positions
+from app.numerics.carriers import columns_of, numbers_in
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.motion import Branch, Leg
-from app.numerics.observation import HEARD_FLOOR, TERMS, Profile, offset_gain
+from app.numerics.observation import TERMS, Profile, offset_gain
 from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
 from app.numerics.query import FINE_STEP_M, Query
 
 REACH_SDS = 3.5  # of a branch's spread: where along its road its end is looked for
-UNHEARD_LOGIT = float(np.log(HEARD_FLOOR / (1.0 - HEARD_FLOOR)))  # of a cell that a road lacks
 
 
 def turns_within(branch: Branch, length_m: float) -> bool:
@@ -122,17 +122,19 @@ def road_along(index: MapIndex, way: Way, span: tuple[int, int]) -> RoadIndex:
     Slow, for explanations; its sub-segments and salient features are those of the last road.
     """
     roads = [index.roads[leg.road] for leg in way.legs] + [index.roads[way.road]]
-    cells = tuple(sorted(set().union(*(road.column for road in roads))))
-    rows = _rows_along(index, cells, way, span)
+    cells = tuple(sorted(set().union(*(road.cells for road in roads))))
+    column = columns_of(cells)
+    rows = _rows_along(index, tuple(column), way, span)
     outside = np.zeros((len(rows), 1), dtype=np.float32)
     outside[-1] = 1.0
     rows = np.ascontiguousarray(np.concatenate((outside, rows, outside), axis=1))
-    bend = np.zeros((len(cells), rows.shape[1]), dtype=np.float32)  # all places are whole metres
+    bend = np.zeros((len(column), rows.shape[1]), dtype=np.float32)  # all places are whole metres
     return replace(
         roads[-1],
         length_m=float(rows.shape[1] - 3),
         step_m=FINE_STEP_M,
-        column={cell: number for number, cell in enumerate(cells)},
+        cells=cells,
+        column=column,
         along=Profile(rows, bend),
     )
 
@@ -154,23 +156,22 @@ def _rows_along(
 
 
 def _stretch(
-    road: RoadIndex, cells: tuple[str, ...], from_m: float, sign: int, span: tuple[int, int]
+    road: RoadIndex, names: tuple[str, ...], from_m: float, sign: int, span: tuple[int, int]
 ) -> Float32[np.ndarray, "rows columns"]:
-    """Rows of cells at metres ``span`` of travel from a chainage."""
+    """Rows of cells and stand-ins at metres ``span`` of travel from a chainage."""
     at_m = from_m + sign * np.arange(span[0], span[1] + 1) * FINE_STEP_M
     columns = np.clip(np.rint(at_m / road.step_m).astype(np.intp) + 1, 0, road.along.columns - 1)
-    out = np.zeros((TERMS * len(cells) + 2, len(columns)), dtype=np.float32)
-    out[TERMS - 1 : -2 : TERMS] = UNHEARD_LOGIT
-    here, there = _shared(road, cells)
+    out = np.zeros((TERMS * len(names) + 1, len(columns)), dtype=np.float32)
+    here, there = _shared(road, names)
     out[here] = road.along.rows[there[:, None], columns]
-    out[-2:] = road.along.rows[-2:, columns]
+    out[-1] = road.along.rows[-1, columns]
     return out
 
 
 def _shared(
-    road: RoadIndex, cells: tuple[str, ...]
+    road: RoadIndex, names: tuple[str, ...]
 ) -> tuple[Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
-    """Rows of the cells that the road knows: in their own order, and in the road's."""
-    pairs = [(i, road.column[cell]) for i, cell in enumerate(cells) if cell in road.column]
+    """Rows of the names that the road has, or a stand-in for: in their own order, in the road's."""
+    pairs = [(i, at) for i, at in enumerate(numbers_in(road.column, names)) if at >= 0]
     numbers = np.array(pairs, dtype=np.intp).reshape(-1, 2, 1) * TERMS + np.arange(TERMS)
     return numbers[:, 0].ravel(), numbers[:, 1].ravel()

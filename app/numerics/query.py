@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -12,8 +11,9 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, Window
 from app.numerics import native
+from app.numerics.carriers import carrier_of, numbers, stand_in
 from app.numerics.index import MapIndex
-from app.numerics.observation import TERMS, UNMAPPED, Evidence, coefficients, evidence
+from app.numerics.observation import TERMS, Evidence, coefficients, evidence
 from app.numerics.tapes import COARSE_STEPS_M, GAP
 
 FINE_STEP_M = 1.0
@@ -27,17 +27,16 @@ class Aim:
 
     Attributes:
         rows: Rows of the profile that the window's cells need; None = all, in order.
-        here: Columns of the window that the profile knows; None = all, in the profile's order.
+        here: Columns of the window that the profile knows, or has a stand-in for; None = all, in
+            the profile's order.
         factors: The window's side of the likelihood for these rows, see `coefficients`.
         behind: Columns of the profile from each sample to the window's end.
-        constant: Score of the cells that the profile lacks, the same at every position.
     """
 
     rows: Int[np.ndarray, " rows"] | None
     here: Int[np.ndarray, " chosen"] | None
     factors: Float[np.ndarray, "3 samples rows"]
     behind: Int[np.ndarray, " samples"]
-    constant: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,33 +92,32 @@ class Query:
             joined: Add up the samples of one column, which then count as one: the same scores for
                 fewer products where a column is longer than a sample.
         """
-        factors, rows, here, constant = self.factors, None, None, 0.0
-        numbers = self._numbers(column)
+        factors, rows, here = self.factors, None, None
+        numbers = self.numbers(column)
         if numbers != list(range(len(column))):
             there = np.array(numbers, dtype=np.intp)
             here = np.flatnonzero(there >= 0)
             rows = _rows_of(there[here], len(column))
             if len(here) < len(numbers):
-                missed = self.fine.heard.sum(axis=1) - self.fine.heard[:, here].sum(axis=1)
-                constant = UNMAPPED * float(self.fine.weight @ missed)
                 factors = factors[:, :, _rows_of(here, len(numbers))]
         behind = np.rint(self.fine.behind_m * (1.0 / step_m)).astype(np.intp)
         if joined:
             starts = np.concatenate(([0], (behind[1:] != behind[:-1]).nonzero()[0] + 1))
             factors, behind = np.add.reduceat(factors, starts, axis=1), behind[starts]
-        return Aim(rows, here, factors, behind, constant)
+        return Aim(rows, here, factors, behind)
 
     def aimed(self, told: native.Told, column: dict[str, int]) -> native.Aimed:
         """Twin of `aim` for the kernels in C, which do the rest of it themselves."""
-        return native.Aimed(told.block, told.samples, self._numbers(column))
+        return native.Aimed(told.block, told.samples, self.numbers(column))
 
-    def _numbers(self, column: dict[str, int]) -> list[int]:
-        return [column.get(cell, -1) for cell in self.cells]
+    def numbers(self, column: dict[str, int]) -> list[int]:
+        """Each cell's column, its carrier's stand-in where it has none; -1 = not even that."""
+        pairs = zip(self.cells, self._stand_ins, strict=True)
+        return [column.get(cell, column.get(other, -1)) for cell, other in pairs]
 
-    def unmapped_score(self, known: AbstractSet[str]) -> float:
-        """Score of hearing cells that are not ``known``: the same wherever none of them is."""
-        missing = [i for i, cell in enumerate(self.cells) if cell not in known]
-        return UNMAPPED * float((self.fine.weight @ self.fine.heard[:, missing]).sum())
+    @cached_property
+    def _stand_ins(self) -> tuple[str, ...]:
+        return tuple([stand_in(carrier_of(cell)) for cell in self.cells])
 
     def aim_at(self, index: MapIndex, road: int) -> Aim:
         """The window aimed at one road's fine profile; worked out once a road."""
@@ -131,9 +129,9 @@ class Query:
 
 
 def _rows_of(cells: Int[np.ndarray, " chosen"], count: int) -> Int[np.ndarray, " rows"]:
-    """A profile's rows of some of its ``count`` cells, with its last two."""
+    """A profile's rows of some of its ``count`` cells, with its last one."""
     terms = (cells[:, None] * TERMS + np.arange(TERMS)).ravel()
-    return np.concatenate((terms, (TERMS * count, TERMS * count + 1)))
+    return np.concatenate((terms, (TERMS * count,)))
 
 
 def ask(index: MapIndex, window: Window, *, in_c: bool = False) -> Query:
@@ -153,8 +151,9 @@ def ask(index: MapIndex, window: Window, *, in_c: bool = False) -> Query:
     unknown = () if len(known) == len(order) else _names(p for p in order if p not in known)
     columns = [i for _, i in known]
     if in_c:
-        told, fine = native.evidence(distance_m, rsrp_dbm, columns, FINE_STEP_M)
-        return Query(_names(known), unknown, len(distance_m), fine, told)
+        names = _names(known)
+        told, fine = native.evidence(distance_m, rsrp_dbm, columns, FINE_STEP_M, numbers(names))
+        return Query(names, unknown, len(distance_m), fine, told)
     if columns != list(range(len(window.cells))):
         rsrp_dbm = rsrp_dbm[:, columns]
     return prepare(_names(known), unknown, distance_m, rsrp_dbm)
@@ -175,5 +174,5 @@ def prepare(
     rsrp_dbm: Float[np.ndarray, "samples cells"],
 ) -> Query:
     """A query from readings whose columns are exactly ``cells``."""
-    fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M)
+    fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M, numbers(cells))
     return Query(cells, unknown, len(distance_m), fine)

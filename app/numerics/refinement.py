@@ -114,7 +114,7 @@ def bend_along(
 
 def _cells_of(aim: Aim) -> Int[np.ndarray, " chosen"]:
     assert aim.rows is not None  # noqa: S101  # rows and here are given together
-    return aim.rows[:-2:TERMS] // TERMS
+    return aim.rows[:-1:TERMS] // TERMS
 
 
 def between(

@@ -6,14 +6,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from jaxtyping import Int
 
 from app.domain import Line, Road, RoadModel, Trace
 from app.errors import NoCells, NotEnoughSamples, RoadTooShort
+from app.numerics import carriers
 from app.numerics.centreline import derive_line
 from app.numerics.curves import FittedCurves, fit_curves
 from app.numerics.features import feature_matrix
 from app.numerics.geodesy import Floats
-from app.numerics.hearing import MAPPED_FROM, for_another_pass, heard_probability
+from app.numerics.hearing import (
+    LISTENING_M,
+    MAPPED_FROM,
+    for_another_pass,
+    heard_probability,
+    listened,
+    stranger_chance,
+)
 from app.numerics.heldout import Surface, held_out_evidence
 from app.numerics.lines import length_m
 from app.numerics.passes import RoadPass, all_cells, distinct, lay_on_road
@@ -62,7 +71,8 @@ def fit_road(road: Road, passes: Sequence[Trace], params: FitParams = FitParams(
     if end_m < params.segmentation.min_length_m:
         raise RoadTooShort(needed_m=params.segmentation.min_length_m, got_m=end_m)
     laid = _lay_all(line, measured, params)
-    work = _Fitting(end_m, _spacing_m(laid.passes, params), params.grid_step_m)
+    carrier = carriers.numbers(laid.cells)
+    work = _Fitting(end_m, _spacing_m(laid.passes, params), params.grid_step_m, carrier)
     fitted = _fit(laid.passes, work)
     reference = _reference(laid.cells, measured, fitted.surface)
     return _assemble(road, laid, work, fitted, reference, params)
@@ -98,13 +108,14 @@ def _spacing_m(passes: Sequence[RoadPass], params: FitParams) -> float:
     return float(np.clip(2.0 * np.median(gaps_m), finest, coarsest))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Fitting:
     """How this road's curves are fitted, to all passes and again to some."""
 
     end_m: float
     spacing_m: float
     step_m: float
+    carrier: Int[np.ndarray, " cells"]
 
     @property
     def grid_m(self) -> Floats:
@@ -122,13 +133,13 @@ class _Fitting:
         """Curves and hearing on the grid, NaN where no sample near heard the cell."""
         chainage_m = np.concatenate([one.chainage_m for one in passes])
         share = np.concatenate([one.heard for one in passes])
-        heard = heard_probability(chainage_m, share, len(self.grid_m), self.step_m)
-        mapped = heard >= MAPPED_FROM
-        expected = for_another_pass(heard, self.passes_by(passes))
+        size, carrier = len(self.grid_m), self.carrier
+        heard = heard_probability(chainage_m, share, size, self.step_m, carrier)
+        mapped, by = heard >= MAPPED_FROM, self.passes_by(passes)
         return Surface(
             np.where(mapped, curves.mean_dbm, np.nan).astype(np.float32),
             np.where(mapped, curves.spread_db, np.nan).astype(np.float32),
-            np.where(mapped, expected, heard).astype(np.float32),
+            np.where(mapped, for_another_pass(heard, by), stranger_chance(by)).astype(np.float32),
         )
 
     def registered(self, passes: Sequence[RoadPass], strength: float) -> list[RoadPass]:
@@ -137,10 +148,12 @@ class _Fitting:
         return found.correct(passes)
 
     def passes_by(self, passes: Sequence[RoadPass]) -> Floats:
-        """How many passes drove by each grid point."""
-        ends = [(one.chainage_m.min(), one.chainage_m.max()) for one in passes]
-        reach_m = 0.5 * self.spacing_m
-        by = [(self.grid_m >= a - reach_m) & (self.grid_m <= b + reach_m) for a, b in ends]
+        """How many passes listened to each cell's carrier by each grid point."""
+        reach_m = max(LISTENING_M, self.spacing_m)
+        by = [
+            listened(one.chainage_m, one.heard, self.grid_m, reach_m, self.carrier)
+            for one in passes
+        ]
         return np.sum(by, axis=0).astype(float)
 
 
@@ -166,7 +179,7 @@ def _reference(cells: tuple[str, ...], traces: Sequence[Trace], surface: Surface
     named = [trace.reference_cell for trace in traces if trace.reference_cell in cells]
     if named:
         return cells.index(max(sorted(set(named)), key=named.count))
-    return int(np.argmax(surface.heard.mean(axis=0)))
+    return int(np.argmax(surface.usually_heard.mean(axis=0)))
 
 
 def _assemble(
@@ -180,7 +193,7 @@ def _assemble(
     surface, curves = fit.surface, fit.curves
     edges_m = cut_road(surface.mean_dbm, work.step_m, work.end_m, params.segmentation)
     salience, parts = select_salient(
-        surface.mean_dbm, surface.spread_db, surface.heard, work.step_m, edges_m, reference
+        surface.mean_dbm, surface.spread_db, surface.usually_heard, work.step_m, edges_m, reference
     )
     fitted = FittedRoad(laid.cells, curves, fit.passes, surface.mean_dbm, work.step_m, reference)
 

@@ -17,9 +17,16 @@ from jaxtyping import Float, Int
 from numpy.typing import NDArray
 
 from app.domain import RoadModel
+from app.numerics.carriers import (
+    NOTHING_KNOWN,
+    carrier_of,
+    columns_of,
+    numbers,
+    unmapped_chance,
+)
 from app.numerics.geodesy import Floats
 from app.numerics.lines import z_order
-from app.numerics.observation import Profile, profile
+from app.numerics.observation import HEARD_FLOOR, Profile, profile
 
 COARSE_STEPS_M = (4.0, 8.0, 16.0)  # each serves windows up to GAP times as long
 GAP = 26  # empty columns between roads on a tape: a window may reach that far off a road's end
@@ -94,19 +101,18 @@ def lay_tapes(models: Sequence[RoadModel]) -> tuple[Tape, ...]:
     return tuple(_lay_tape([models[i] for i in group], group) for group in _groups(models))
 
 
-def _lay_tape(models: Sequence[RoadModel], numbers: tuple[int, ...]) -> Tape:
+def _lay_tape(models: Sequence[RoadModel], group: tuple[int, ...]) -> Tape:
     cells = sorted({cell for model in models for cell in model.cells})
-    column = {cell: row for row, cell in enumerate(cells)}
-    levels = tuple(_lay_level(models, numbers, column, step) for step in COARSE_STEPS_M)
+    levels = tuple(_lay_level(models, group, cells, step) for step in COARSE_STEPS_M)
     salient = frozenset(cell for model in models for cell in salient_cells(model))
-    return Tape(numbers, column, salient, levels)
+    return Tape(group, columns_of(cells), salient, levels)
 
 
 def _lay_level(
-    models: Sequence[RoadModel], numbers: tuple[int, ...], column: dict[str, int], step_m: float
+    models: Sequence[RoadModel], group: tuple[int, ...], cells: Sequence[str], step_m: float
 ) -> CoarseProfile:
-    parts = [_coarse_road(model, column, step_m) for model in models]
-    gap = np.full((GAP, len(column)), np.nan)
+    parts = [_coarse_road(model, cells, step_m) for model in models]
+    gap = np.full((GAP, len(cells)), np.nan)
     mean, spread, heard = (
         np.concatenate([gap, *(block for part in parts for block in (part[i], gap))])
         for i in range(3)
@@ -120,37 +126,54 @@ def _lay_level(
     outside[positions] = False
     return CoarseProfile(
         step_m=step_m,
-        along=profile(mean, spread, heard, outside),
+        along=profile(cells, mean, spread, heard, outside),
         positions=positions.astype(np.intp),
-        road=np.tile(np.repeat(np.array(numbers), sizes), 2),
+        road=np.tile(np.repeat(np.array(group), sizes), 2),
         sign=np.repeat(np.array(BOTH), len(positions)),
         chainage_m=np.tile(np.concatenate([np.arange(n) * step_m for n in sizes]), 2),
     )
 
 
 def _coarse_road(
-    model: RoadModel, column: dict[str, int], step_m: float
+    model: RoadModel, cells: Sequence[str], step_m: float
 ) -> tuple[Floats, Floats, Floats]:
     """Mean, spread and hearing of the tape's cells over stretches centred ``step_m`` apart."""
     factor = round(step_m / model.step_m)
     size = int(np.ceil((len(model.mean_dbm) + factor // 2) / factor))
     before, after = factor // 2, size * factor - factor // 2 - len(model.mean_dbm)
-    own = [index for index, cell in enumerate(model.cells) if cell in column]
-    rows = [column[model.cells[index]] for index in own]
 
     def blocks(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-        padded = np.pad(values[:, own], ((before, after), (0, 0)), constant_values=np.nan)
-        return padded.reshape(size, factor, len(own))
+        padded = np.pad(values, ((before, after), (0, 0)), constant_values=np.nan)
+        return padded.reshape(size, factor, values.shape[1])
 
-    mean, spread = blocks(model.mean_dbm), blocks(model.spread_db)
-    known = ~np.isnan(mean)
+    mean, spread, heard = blocks(model.mean_dbm), blocks(model.spread_db), blocks(model.heard)
+    known, inside = ~np.isnan(mean), ~np.isnan(heard)
     count = np.maximum(known.sum(axis=1), 1)
     level = np.where(known, mean, 0.0).sum(axis=1) / count
     within = np.where(known, (mean - level[:, None]) ** 2 + spread**2, 0.0).sum(axis=1) / count
-    level[~known.any(axis=1)] = np.nan
-    hearing = np.nan_to_num(blocks(model.heard)).sum(axis=1)
-    hearing /= np.maximum((~np.isnan(blocks(model.heard))).sum(axis=1), 1)
-    out = [np.full((size, len(column)), fill) for fill in (np.nan, 1.0, 0.0)]
-    for target, values in zip(out, (level, np.sqrt(within), hearing), strict=True):
-        target[:, rows] = values
-    return out[0], out[1], out[2]
+    mapped = known.any(axis=1)
+    level[~mapped] = np.nan
+    carrier = numbers(model.cells)
+    strange = blocks(unmapped_chance(model.heard, model.mean_dbm, carrier, HEARD_FLOOR))
+    strange = np.nan_to_num(strange).sum(axis=1) / inside.any(axis=2).sum(axis=1)[:, None]
+    hearing = np.where(known, heard, 0.0).sum(axis=1) / np.maximum(inside.sum(axis=1), 1)
+    hearing = np.where(mapped, hearing, strange[:, carrier])
+    return _on_tape(cells, model.cells, strange, (level, np.sqrt(within), hearing))
+
+
+def _on_tape(
+    cells: Sequence[str], own: Sequence[str], strange: Floats, found: tuple[Floats, Floats, Floats]
+) -> tuple[Floats, Floats, Floats]:
+    """A road's columns among all of its tape's, the others as cells that are not mapped on it."""
+    carrier = {carrier_of(cell): at for cell, at in zip(own, numbers(own).tolist(), strict=True)}
+    wanted = [carrier.get(carrier_of(cell), -1) for cell in cells]
+    unknown = np.append(strange, np.full((len(strange), 1), NOTHING_KNOWN), axis=1)
+    out = (
+        np.full((len(strange), len(cells)), np.nan),
+        np.ones((len(strange), len(cells))),
+        unknown[:, wanted],
+    )
+    place = {cell: at for at, cell in enumerate(cells)}
+    for target, values in zip(out, found, strict=True):
+        target[:, [place[cell] for cell in own]] = values
+    return out

@@ -79,33 +79,48 @@ def log_likelihood(
     total = 0.0
     for one, weight in zip(found, weights(found), strict=True):
         at = place - sign * int(np.rint(one.behind_m / model.step_m))
-        for cell, share in one.share.items():
-            if cell not in model.cells:
-                odds = math.log(HEARD_FLOOR / (1.0 - HEARD_FLOOR))
-                total += HEARING_WEIGHT * weight * share * odds
-            if not 0 <= at < len(model.mean_dbm):
-                total += HEARING_WEIGHT * weight * share * math.log(OUTSIDE_HEARD)
         if 0 <= at < len(model.mean_dbm):
             total += weight * _one_place(model, one, at, offset_db)
+        else:
+            heard = sum(one.share.values())
+            total += HEARING_WEIGHT * weight * heard * math.log(OUTSIDE_HEARD)
     return total
+
+
+def _carrier(cell: str) -> str:
+    return cell[: cell.rfind(":")] if ":" in cell else ""
 
 
 def _one_place(model: RoadModel, one: Reading, at: int, offset_db: float) -> float:
     total = 0.0
+    listened = {_carrier(cell) for cell, share in one.share.items() if share > 0.0}
     for column, cell in enumerate(model.cells):
-        mean, spread = float(model.mean_dbm[at, column]), float(model.spread_db[at, column])
-        mapped, share = not math.isnan(mean), one.share.get(cell, 0.0)
-        chance = float(model.heard[at, column]) if mapped else 0.0
-        chance = min(max(chance, HEARD_FLOOR), 1.0 - HEARD_FLOOR)
-        if mapped:
-            total += HEARING_WEIGHT * math.log(1.0 - chance)
-        if share > 0.0:
-            total += HEARING_WEIGHT * share * math.log(chance / (1.0 - chance))
-        if share > 0.0 and mapped:
+        mapped = not math.isnan(model.mean_dbm[at, column])
+        if mapped and _carrier(cell) in listened:
+            total += HEARING_WEIGHT * math.log(1.0 - _chance(model, at, cell))
+    for cell, share in one.share.items():
+        chance = _chance(model, at, cell)
+        total += HEARING_WEIGHT * share * math.log(chance / (1.0 - chance))
+        column = model.cells.index(cell) if cell in model.cells else None
+        if column is not None and not math.isnan(model.mean_dbm[at, column]):
+            mean, spread = float(model.mean_dbm[at, column]), float(model.spread_db[at, column])
             z = (one.level_dbm[cell] - mean - offset_db) / spread
             density = -0.5 * z * z - math.log(spread * math.sqrt(2.0 * math.pi))
             total += share * (density - math.log(1.0 / BACKGROUND_SPAN_DB))
     return total
+
+
+def _chance(model: RoadModel, at: int, cell: str) -> float:
+    """Of hearing a cell there, given its carrier; a half where nobody listened to that."""
+    alike = [c for c in model.cells if _carrier(c) == _carrier(cell)]
+    unmapped = [c for c in alike if math.isnan(model.mean_dbm[at, model.cells.index(c)])]
+    if cell in alike and cell not in unmapped:
+        chance = float(model.heard[at, model.cells.index(cell)])
+        return min(max(chance, HEARD_FLOOR), 1.0 - HEARD_FLOOR)
+    if not alike:
+        return 0.5
+    known = [float(model.heard[at, model.cells.index(c)]) for c in unmapped]
+    return min(max([HEARD_FLOOR, *known]), 0.5)
 
 
 def offset_prior(offset_sd_db: float) -> np.ndarray:

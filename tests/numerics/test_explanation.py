@@ -140,9 +140,9 @@ def test_the_planted_deviation_is_the_one_named(cell, off_db):
 def test_a_cell_missing_there_is_named():
     """A road where the window's cell is not mapped loses by hearing, and is said to."""
     first, second = twin_roads(6)
-    level_dbm = second.mean_dbm.copy()
-    level_dbm[:, 2] = np.nan
-    index = map_of((first, replace(second, mean_dbm=level_dbm)))
+    level_dbm, heard = second.mean_dbm.copy(), second.heard.copy()
+    level_dbm[:, 2], heard[:, 2] = np.nan, 0.0
+    index = map_of((first, replace(second, mean_dbm=level_dbm, heard=heard)))
     window = on_curve(first, 50)
     fix = locate(index, window)
     told = explain(index, window, fix)

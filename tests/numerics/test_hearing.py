@@ -5,15 +5,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from app.numerics import hearing
+from app.numerics.carriers import NOTHING_KNOWN
 from app.numerics.hearing import (
     BANDWIDTH_M,
     DOUBT_PASSES,
     MAPPED_FROM,
     for_another_pass,
-    heard_probability,
+    listened,
+    stranger_chance,
 )
 
 CHAINAGE_M = np.repeat(np.arange(0.0, 300.0), 10)  # ten passes, a row a metre
+
+
+def heard_probability(chainage_m, heard, size, step_m):
+    """Of cells on a carrier that every sample hears by another cell."""
+    always = np.concatenate([heard, np.ones((len(heard), 1))], axis=1)
+    carrier = np.zeros(always.shape[1], dtype=np.intp)
+    return hearing.heard_probability(chainage_m, always, size, step_m, carrier)[:, :-1]
 
 
 def test_a_steady_share_is_found():
@@ -82,7 +92,7 @@ def test_repeating_every_sample_moves_certainty_not_shares():
 def test_another_pass_is_doubted_until_passes_agree():
     """One pass moves towards the road's usual share, ten hardly, and where none drove all does."""
     share = np.array([[0.9, 0.1], [0.9, 0.1], [0.0, 0.0]])
-    one, ten = (for_another_pass(share, np.array([n, n, 0.0])) for n in (1.0, 10.0))
+    one, ten = (for_another_pass(share, np.array([[n, n], [n, n], [0.0, 0.0]])) for n in (1.0, 10.0))
     weight = 1.0 / (1.0 + DOUBT_PASSES)
     np.testing.assert_allclose(one[0], weight * share[0] + (1.0 - weight) * 0.5)
     assert np.all(np.abs(ten[:2] - share[:2]) < 0.05)
@@ -91,4 +101,32 @@ def test_another_pass_is_doubted_until_passes_agree():
 
 def test_cells_that_are_always_heard_stay_sure():
     """Where every sample of every pass hears every cell, one pass is as sure as ten."""
-    np.testing.assert_allclose(for_another_pass(np.full((9, 3), 0.97), np.ones(9)), 0.97)
+    np.testing.assert_allclose(for_another_pass(np.full((9, 3), 0.97), np.ones((9, 3))), 0.97)
+
+
+def test_samples_that_listened_to_other_carriers_say_nothing():
+    """A cell heard by half the samples, but by all that heard its carrier, is as good as sure."""
+    rng = np.random.default_rng(64)
+    on_air = rng.random(len(CHAINAGE_M)) < 0.5
+    heard = np.column_stack([on_air, on_air & (rng.random(len(on_air)) < 0.5), ~on_air])
+    carrier = np.array([0, 0, 1])
+    found = hearing.heard_probability(CHAINAGE_M, heard.astype(float), 300, 1.0, carrier)
+    np.testing.assert_allclose(found[40:260].mean(axis=0), [1.0, 0.5, 1.0], atol=0.03)
+
+
+def test_a_pass_listened_where_it_heard_any_cell_of_the_carrier():
+    """Within reach of a reading, all cells of its carrier were listened to, no others."""
+    heard = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    grid_m, carrier = np.arange(100.0), np.array([0, 0, 1])
+    found = listened(np.array([50.0, 90.0]), heard, grid_m, 20.0, carrier)
+    np.testing.assert_array_equal(found[:, 0], found[:, 1])
+    assert np.flatnonzero(found[:, 0]).tolist() == list(range(31, 71))
+    assert not found[:, 2].any()
+
+
+def test_a_cell_that_nobody_listened_for_may_well_be_there():
+    """Unknown without a pass, rarer with each one that did not hear it."""
+    chance = stranger_chance(np.array([[0.0], [1.0], [2.0], [6.0]]))[:, 0]
+    assert chance[0] == NOTHING_KNOWN
+    assert np.all(np.diff(chance) < 0.0)
+    assert chance[1] == pytest.approx(0.05, abs=0.01)

@@ -64,8 +64,9 @@ def test_evidence_is_the_same(seed, samples, cells, step_m):
     rsrp_dbm = rng.uniform(-120.0, -70.0, (samples, cells + 1))
     rsrp_dbm[rng.random(rsrp_dbm.shape) < 0.4] = np.nan
     columns = rng.permutation(cells + 1)[:cells].tolist()
-    _, seen = native.evidence(distance_m, rsrp_dbm, columns, step_m)
-    wanted = observation.evidence(distance_m, rsrp_dbm[:, columns], step_m)
+    carrier = rng.integers(0, 3, cells)
+    _, seen = native.evidence(distance_m, rsrp_dbm, columns, step_m, carrier)
+    wanted = observation.evidence(distance_m, rsrp_dbm[:, columns], step_m, carrier)
     for field in dataclasses.fields(wanted):
         np.testing.assert_allclose(
             getattr(seen, field.name), getattr(wanted, field.name), rtol=1e-12, atol=1e-12
@@ -202,13 +203,16 @@ def arguments(seed: int) -> dict[str, list[object]]:
     level = tape.levels[0]
     score = np.zeros(2 * len(level.positions), dtype=np.float32)
     rsrp_dbm, cells = np.ascontiguousarray(window.rsrp_dbm), len(window.cells)
-    block = np.zeros(len(rsrp_dbm) * (2 + 2 * cells))
+    block = np.zeros(len(rsrp_dbm) * (2 + 3 * cells))
     over_tape, over_road = (query.aimed(query.told, one.column) for one in (tape, road))
     room, finer = native.no_places(9), native.no_places(len(places) + 4 * 2)
     old = (places.where, places.values)
     return {
         "heard_columns": [rsrp_dbm],
-        "evidence": [window.distance_m, rsrp_dbm, [*range(cells)], 1.0, -95.0, 10.0, block],
+        "evidence": [
+            *(window.distance_m, rsrp_dbm, [*range(cells)], [0] * cells),
+            *(1.0, -95.0, 10.0, block),
+        ],
         "tape": [*over_tape, level.along.rows, level.positions, 4.0, index.likelihood, score],
         "kept_by_mass": [score, 1.0, 1e-4, 50, np.empty(50, dtype=np.int64)],
         "stretch": [

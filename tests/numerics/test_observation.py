@@ -20,6 +20,8 @@ from app.numerics.observation import (
 )
 from app.numerics.posterior import RESIDUAL, WEIGHT
 from app.numerics.query import ask
+
+ALIKE = np.zeros(3, dtype=np.intp)  # cells of one carrier
 from tests.numerics import plain
 from tests.numerics.tiny import map_of, tiny_models, window_along
 
@@ -122,7 +124,7 @@ def test_standing_samples_are_one():
     stood = rng.normal(-90.0, 3.0, (100, 2))
     stood[::4, 1] = np.nan
     rsrp_dbm = np.vstack([rng.normal(-90.0, 3.0, (5, 2)), stood])
-    seen = evidence(np.concatenate([moving_m, np.full(100, 20.0)]), rsrp_dbm, 1.0)
+    seen = evidence(np.concatenate([moving_m, np.full(100, 20.0)]), rsrp_dbm, 1.0, ALIKE[:2])
     np.testing.assert_allclose(seen.behind_m, [0.0, 4.0, 8.0, 12.0, 16.0, 20.0])
     np.testing.assert_allclose(seen.rsrp_db[0] - 95.0, np.nanmean(stood, axis=0))
     np.testing.assert_allclose(seen.heard[0], [1.0, 0.75])
@@ -133,8 +135,9 @@ def test_standing_longer_says_no_more():
     """The same place read again and again has the weight of one reading."""
     distance_m = np.concatenate([np.arange(0.0, 20.0, 4.0), np.full(100, 20.0)])
     rsrp_dbm = np.full((105, 1), -88.0)
-    long, short = evidence(distance_m, rsrp_dbm, 1.0), evidence(distance_m[:6], rsrp_dbm[:6], 1.0)
-    for name in ("behind_m", "rsrp_db", "heard", "weight"):
+    long = evidence(distance_m, rsrp_dbm, 1.0, ALIKE[:1])
+    short = evidence(distance_m[:6], rsrp_dbm[:6], 1.0, ALIKE[:1])
+    for name in ("behind_m", "rsrp_db", "heard", "share", "weight"):
         np.testing.assert_allclose(getattr(long, name), getattr(short, name))
 
 
@@ -147,8 +150,9 @@ def test_order_within_a_metre_moves_nothing(seed):
     rsrp_dbm = np.round(rng.normal(-90.0, 5.0, (30, 3)))
     rsrp_dbm[rng.random(rsrp_dbm.shape) < 0.3] = np.nan
     order = np.concatenate([5 * metre + rng.permutation(5) for metre in range(6)])
-    there, turned = evidence(distance_m, rsrp_dbm, 1.0), evidence(distance_m, rsrp_dbm[order], 1.0)
-    for name in ("behind_m", "rsrp_db", "heard", "weight"):
+    there = evidence(distance_m, rsrp_dbm, 1.0, ALIKE)
+    turned = evidence(distance_m, rsrp_dbm[order], 1.0, ALIKE)
+    for name in ("behind_m", "rsrp_db", "heard", "share", "weight"):
         np.testing.assert_allclose(getattr(turned, name), getattr(there, name), atol=1e-12)
 
 
@@ -156,8 +160,8 @@ def test_any_origin_of_distance_will_do():
     """Travelled distance counts from anywhere: a trip meter at 4096 m gives the same evidence."""
     distance_m = np.array([0.0, 0.25, 3.5, 9.75, 20.0])
     rsrp_dbm = np.full((5, 1), -90.0)
-    there = evidence(distance_m, rsrp_dbm, 1.0)
-    moved = evidence(distance_m + 4096.0, rsrp_dbm, 1.0)
+    there = evidence(distance_m, rsrp_dbm, 1.0, ALIKE[:1])
+    moved = evidence(distance_m + 4096.0, rsrp_dbm, 1.0, ALIKE[:1])
     np.testing.assert_array_equal(moved.behind_m, there.behind_m)
     np.testing.assert_array_equal(moved.weight, there.weight)
 

@@ -9,7 +9,7 @@ int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, Py_ssize_t w
     call->next = 0;
     call->held = 0;
     call->failed = given != wanted;
-    call->numbers = NULL;
+    call->listed = 0;
     if (call->failed)
         PyErr_Format(PyExc_TypeError, "%zd arguments needed, %zd given", wanted, given);
     return !call->failed;
@@ -95,15 +95,19 @@ const ptrdiff_t *whole_list(Call *call, ptrdiff_t end, Py_ssize_t *count)
     PyObject *given = next(call);
     demand(call, given == NULL || PyList_Check(given), "not a list");
     *count = call->failed ? 0 : PyList_Size(given);
-    if (!call->failed && call->numbers == NULL)
-        call->numbers = malloc(sizeof(ptrdiff_t) * (size_t)(*count + 1));
-    if (!call->failed && call->numbers == NULL)
+    if (call->failed)
+        return NULL;
+    ptrdiff_t *numbers = malloc(sizeof *numbers * (size_t)(*count + 1));
+    if (numbers == NULL) {
         check(call, OUT_OF_MEMORY);
-    for (Py_ssize_t i = 0; !call->failed && i < *count; i++) {
-        call->numbers[i] = whole_of(call, PyList_GetItem(given, i));
-        demand(call, call->numbers[i] >= -1 && call->numbers[i] < end, "a number out of range");
+        return NULL;
     }
-    return call->numbers;
+    call->lists[call->listed++] = numbers;
+    for (Py_ssize_t i = 0; !call->failed && i < *count; i++) {
+        numbers[i] = whole_of(call, PyList_GetItem(given, i));
+        demand(call, numbers[i] >= -1 && numbers[i] < end, "a number out of range");
+    }
+    return numbers;
 }
 
 Told told(Call *call)
@@ -112,12 +116,12 @@ Told told(Call *call)
     const double *block = array(call, 'd', READ, 1, shape);
     ptrdiff_t samples = whole(call);
     const ptrdiff_t *numbers = whole_list(call, PTRDIFF_MAX, &cells);
-    demand(call, samples >= 1 && samples <= shape[0] && 2 + 2 * cells <= shape[0] / samples,
+    demand(call, samples >= 1 && samples <= shape[0] && 2 + 3 * cells <= shape[0] / samples,
            "more samples or cells than the block holds");
     if (call->failed)
         return (Told){0};
-    const double *level_db = block + 2 * samples;
-    return (Told){samples, cells, block, block + samples, level_db, level_db + samples * cells,
+    const double *level_db = block + 2 * samples, *heard = level_db + samples * cells;
+    return (Told){samples, cells, block, block + samples, level_db, heard, heard + samples * cells,
                   numbers};
 }
 
@@ -128,21 +132,21 @@ Along along(Call *call, char row)
     demand(call, shape[1] >= 3, "a profile of no road");
     if (row == 'b')
         return (Along){NULL, values, shape[0], shape[1]};
-    demand(call, shape[0] >= 2 && (shape[0] - 2) % TERMS == 0, "no whole number of cells");
-    return (Along){values, NULL, (shape[0] - 2) / TERMS, shape[1]};
+    demand(call, shape[0] >= 1 && (shape[0] - 1) % TERMS == 0, "no whole number of cells");
+    return (Along){values, NULL, (shape[0] - 1) / TERMS, shape[1]};
 }
 
 Likelihood likelihood(Call *call)
 {
     PyObject *given = next(call);
-    double values[7] = {0};
-    demand(call, given == NULL || (PyTuple_Check(given) && PyTuple_Size(given) == 7),
-           "not a tuple of seven numbers");
-    for (Py_ssize_t i = 0; !call->failed && i < 7; i++) {
+    double values[6] = {0};
+    demand(call, given == NULL || (PyTuple_Check(given) && PyTuple_Size(given) == 6),
+           "not a tuple of six numbers");
+    for (Py_ssize_t i = 0; !call->failed && i < 6; i++) {
         values[i] = PyFloat_AsDouble(PyTuple_GetItem(given, i));
         call->failed = values[i] == -1.0 && PyErr_Occurred() != NULL;
     }
-    return (Likelihood){values[0], values[1], values[2], values[3], values[4], values[5], values[6]};
+    return (Likelihood){values[0], values[1], values[2], values[3], values[4], values[5]};
 }
 
 Places places(Call *call)
@@ -173,7 +177,8 @@ PyObject *release(Call *call, PyObject *result)
 {
     for (int i = 0; i < call->held; i++)
         PyBuffer_Release(call->views + i);
-    free(call->numbers);
+    while (call->listed > 0)
+        free(call->lists[--call->listed]);
     if (!call->failed)
         return result;
     Py_XDECREF(result);

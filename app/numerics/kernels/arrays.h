@@ -8,7 +8,7 @@
 
 #include "kernels.h"
 
-enum { MOST_ARRAYS = 12 };
+enum { MOST_ARRAYS = 12, MOST_LISTS = 2 };
 
 /* The arguments of one call and the arrays held for it; `release` gives them back. */
 typedef struct {
@@ -17,7 +17,8 @@ typedef struct {
     Py_buffer views[MOST_ARRAYS];
     int held;
     int failed; /* a Python error is set; later arguments are not looked at */
-    ptrdiff_t *numbers;
+    ptrdiff_t *lists[MOST_LISTS];
+    int listed;
 } Call;
 
 typedef enum { READ, WRITE } Use;
@@ -35,7 +36,7 @@ const ptrdiff_t *whole_list(Call *call, ptrdiff_t end, Py_ssize_t *count);
 
 Told told(Call *call);             /* block, samples, numbers */
 Along along(Call *call, char row); /* 'r': rows, or 'b': bend */
-Likelihood likelihood(Call *call); /* a tuple of seven floats */
+Likelihood likelihood(Call *call); /* a tuple of six floats */
 Places places(Call *call);         /* where, values */
 Atlas atlas(Call *call);           /* start, size, segment, step_m, plane */
 

@@ -13,21 +13,20 @@ typedef float LooseLanes /* the same wherever it lies */
  * Adds one sample's row to sums by column from the junction, from `hard` to `soft`. Sums beyond
  * `soft` are nobody's and may be spoilt, so whole vectors do.
  */
-INLINE void add_row(const float *from, ptrdiff_t hard, ptrdiff_t soft, int upward, float extra,
-                    float *to)
+INLINE void add_row(const float *from, ptrdiff_t hard, ptrdiff_t soft, int upward, float *to)
 {
     if (upward)
         for (ptrdiff_t at = hard; at <= soft; at += LANES)
-            *(LooseLanes *)(to + at) += *(const LooseLanes *)(from + at) + extra;
+            *(LooseLanes *)(to + at) += *(const LooseLanes *)(from + at);
     else
         for (ptrdiff_t at = hard - LANES + 1; at > soft - LANES; at -= LANES)
-            *(LooseLanes *)(to + at) += *(const LooseLanes *)(from + at) + extra;
+            *(LooseLanes *)(to + at) += *(const LooseLanes *)(from + at);
 }
 
 /* `sums` lead to the junction's column: of score, residual and weight. */
 FOR_EACH_MACHINE
 static void lay_arm(const Factors *f, Each each, ptrdiff_t column, int sign, int onto,
-                    float unmapped, ptrdiff_t ends, float *const sums[3])
+                    ptrdiff_t ends, float *const sums[3])
 {
     for (ptrdiff_t i = 0; i < f->samples; i++) {
         ptrdiff_t behind = f->behind[i];
@@ -37,12 +36,11 @@ static void lay_arm(const Factors *f, Each each, ptrdiff_t column, int sign, int
         const float *from = each.values + 3 * i * each.stride + column - sign * behind;
         for (int channel = 0; channel < 3; channel++)
             add_row(from + channel * each.stride, sign * hard, sign * soft, (sign > 0) == onto,
-                    channel == 0 ? unmapped * (float)f->missed[i] : 0.0f, sums[channel]);
+                    sums[channel]);
     }
 }
 
-int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, double unmapped,
-             float *parts)
+int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, float *parts)
 {
     ptrdiff_t reach = arms->ends;
     for (ptrdiff_t i = 0; i < f->samples; i++)
@@ -59,7 +57,7 @@ int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, d
         }
         float *const sums[3] = {memory + half, memory + 3 * half + 1, memory + 5 * half + 2};
         memset(memory, 0, sizeof *memory * (size_t)(3 * (2 * half + 1)));
-        lay_arm(f, each, column, (int)sign, (int)onto, (float)unmapped, arms->ends, sums);
+        lay_arm(f, each, column, (int)sign, (int)onto, arms->ends, sums);
         for (int channel = 0; channel < 3; channel++)
             for (ptrdiff_t end = 1; end <= arms->ends; end++)
                 *parts++ = sums[channel][sign * end];

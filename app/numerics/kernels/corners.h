@@ -13,7 +13,6 @@ typedef struct {
 } Each;
 
 /* Twin of app.numerics.corners.score_arms. */
-int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, double unmapped,
-             float *parts);
+int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, float *parts);
 
 #endif

@@ -28,14 +28,27 @@ static void weigh(const double *behind_m, ptrdiff_t count, double correlation_m,
     }
 }
 
-/* block: behind_m, weight, then level_db and heard, sample by sample. */
+/* Each cell's part of all that was heard of its carrier; few cells, so that pairs cost nothing. */
+static void divide(const double *heard, const ptrdiff_t *carrier, ptrdiff_t cells, double *share)
+{
+    for (ptrdiff_t k = 0; k < cells; k++) {
+        double all = 0.0;
+        for (ptrdiff_t other = 0; heard[k] > 0.0 && other < cells; other++)
+            all += carrier[other] == carrier[k] ? heard[other] : 0.0;
+        share[k] = heard[k] > 0.0 ? heard[k] / all : 0.0;
+    }
+}
+
+/* block: behind_m, weight, then level_db, heard and share, sample by sample. */
 void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
-                     ptrdiff_t width, const ptrdiff_t *columns, ptrdiff_t cells, double step_m,
-                     double centre_dbm, double correlation_m, ptrdiff_t stretches, double *block)
+                     ptrdiff_t width, const ptrdiff_t *columns, const ptrdiff_t *carrier,
+                     ptrdiff_t cells, double step_m, double centre_dbm, double correlation_m,
+                     ptrdiff_t stretches, double *block)
 {
     double *behind_m = block, *weight = block + stretches;
     double *level_db = weight + stretches, *heard = level_db + stretches * cells;
-    memset(block, 0, sizeof *block * (size_t)(stretches * (2 + 2 * cells)));
+    double *share = heard + stretches * cells;
+    memset(block, 0, sizeof *block * (size_t)(stretches * (2 + 3 * cells)));
     ptrdiff_t row = 0, newest = samples - 1;
     for (ptrdiff_t i = samples - 1; i >= 0; i--) {
         behind_m[row] += distance_m[samples - 1] - distance_m[i];
@@ -55,6 +68,7 @@ void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t
             level_db[k] /= heard[k] > 1.0 ? heard[k] : 1.0;
             heard[k] /= readings;
         }
+        divide(heard + row * cells, carrier, cells, share + row * cells);
         row++;
         newest = i - 1;
     }

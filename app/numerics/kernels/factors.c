@@ -6,17 +6,16 @@
 
 static int allocate(Factors *f, ptrdiff_t samples, ptrdiff_t cells)
 {
-    size_t indices = (size_t)(samples + cells), numbers = (size_t)(samples * (3 + 3 * cells));
+    size_t indices = (size_t)(samples + cells), numbers = (size_t)(samples * (1 + 4 * cells));
     f->memory = calloc(1, indices * sizeof(ptrdiff_t) + numbers * sizeof(double));
     if (f->memory == NULL)
         return OUT_OF_MEMORY;
-    f->base = f->memory;
-    f->outside = f->base + samples;
-    f->missed = f->outside + samples;
-    f->square = f->missed + samples;
+    f->outside = f->memory;
+    f->square = f->outside + samples;
     f->level = f->square + samples * cells;
     f->heard = f->level + samples * cells;
-    f->behind = (ptrdiff_t *)(f->heard + samples * cells);
+    f->share = f->heard + samples * cells;
+    f->behind = (ptrdiff_t *)(f->share + samples * cells);
     f->row = f->behind + samples;
     return 0;
 }
@@ -29,15 +28,13 @@ static void add_sample(Factors *f, const Told *told, ptrdiff_t i, const Likeliho
         double heard = told->heard[i * told->cells + cell] * told->weight[i];
         double level_db = told->level_db[i * told->cells + cell];
         all += heard;
-        if (told->numbers[cell] < 0) {
-            f->missed[at] += heard;
+        if (told->numbers[cell] < 0)
             continue;
-        }
         f->square[k] += -0.5 * heard * level_db * level_db;
         f->level[k] += heard * level_db;
+        f->share[k] += told->share[i * told->cells + cell] * told->weight[i];
         f->heard[k++] += heard;
     }
-    f->base[at] += likelihood->hearing * told->weight[i];
     f->outside[at] += likelihood->hearing * likelihood->outside_log * all;
 }
 

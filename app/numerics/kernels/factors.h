@@ -5,15 +5,15 @@
 #include "kernels.h"
 
 /*
- * Channel by channel a sample needs only -1/2 h y^2, h y and h of each cell. The fine scale works in
+ * Channel by channel a sample needs only -1/2 h y^2, h y, h and the share of each cell. The fine scale works in
  * double, so that positions are alike on every machine; the coarse one, which only chooses what
  * that looks at, in float.
  */
 typedef struct {
     ptrdiff_t samples, cells;
     ptrdiff_t *behind, *row;          /* columns; first row of each cell */
-    double *base, *outside, *missed;  /* of each sample; missed: heard cells that are not there */
-    double *square, *level, *heard;   /* of each sample and cell */
+    double *outside;                          /* of each sample */
+    double *square, *level, *heard, *share;   /* of each sample and cell */
     double hearing;
     void *memory; /* all of it: to be freed */
 } Factors;

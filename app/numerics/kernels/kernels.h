@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { TERMS = 4 };                                              /* A, B, C, L of a cell */
+enum { TERMS = 5 };                                              /* A, B, C, L, S of a cell */
 enum { CHAINAGE, WIDTH, SCORE, RESIDUAL, WEIGHT, VALUES };       /* rows of Places.values */
 enum { X_M, Y_M, LON, LAT, HEADING, PLANE };                     /* rows of Atlas.plane */
 enum { OUT_OF_MEMORY = -1, OUT_OF_BOUNDS = -2 };                 /* what the functions below answer */
@@ -20,8 +20,8 @@ enum { OUT_OF_MEMORY = -1, OUT_OF_BOUNDS = -2 };                 /* what the fun
 /* A window made ready: app.numerics.observation.Evidence, with what is mapped of its cells. */
 typedef struct {
     ptrdiff_t samples, cells;
-    const double *behind_m, *weight, *level_db, *heard;
-    const ptrdiff_t *numbers; /* of each cell in the profile, -1 where it is not there */
+    const double *behind_m, *weight, *level_db, *heard, *share;
+    const ptrdiff_t *numbers; /* of each cell in the profile, or of its stand-in; -1 = neither */
 } Told;
 
 /* A profile's rows: app.numerics.observation.Profile. */
@@ -32,7 +32,7 @@ typedef struct {
 
 /* The constants of app.numerics.observation and the map's OffsetPrior. */
 typedef struct {
-    double hearing, outside_log, unmapped, like_db2, like_log, any_db2, any_log;
+    double hearing, outside_log, like_db2, like_log, any_db2, any_log;
 } Likelihood;
 
 /* Places and the map's geometry: app.numerics.posterior.Places, app.numerics.index.Atlas. */
@@ -74,8 +74,9 @@ typedef struct {
 /* evidence.c */
 ptrdiff_t count_stretches(const double *distance_m, ptrdiff_t samples, double step_m);
 void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
-                     ptrdiff_t width, const ptrdiff_t *columns, ptrdiff_t cells, double step_m,
-                     double centre_dbm, double correlation_m, ptrdiff_t stretches, double *block);
+                     ptrdiff_t width, const ptrdiff_t *columns, const ptrdiff_t *carrier,
+                     ptrdiff_t cells, double step_m, double centre_dbm, double correlation_m,
+                     ptrdiff_t stretches, double *block);
 
 /* tape.c */
 int score_tape(const Told *told, const Along *along, const int64_t *positions, ptrdiff_t count,

@@ -31,21 +31,23 @@ static PyObject *evidence(PyObject *self, PyObject *const *arguments, Py_ssize_t
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 7))
+    if (!begin(&call, arguments, given, 8))
         return NULL;
-    Py_ssize_t shape[2] = {-1, -1}, room[1] = {-1}, cells;
+    Py_ssize_t shape[2] = {-1, -1}, room[1] = {-1}, cells, carriers;
     const double *distance_m = array(&call, 'd', READ, 1, shape);
     const double *rsrp_dbm = array(&call, 'd', READ, 2, shape);
     const ptrdiff_t *columns = whole_list(&call, shape[1], &cells);
+    const ptrdiff_t *carrier = whole_list(&call, PTRDIFF_MAX, &carriers);
+    demand(&call, carriers == cells, "not a carrier for each cell");
     for (Py_ssize_t i = 0; !call.failed && i < cells; i++)
         demand(&call, columns[i] >= 0, "a column out of range");
     double step_m = number(&call), centre_dbm = number(&call), correlation_m = number(&call);
     double *block = array(&call, 'd', WRITE, 1, room);
-    demand(&call, shape[0] >= 1 && 2 + 2 * cells <= room[0] / shape[0], "too little room");
+    demand(&call, shape[0] >= 1 && 2 + 3 * cells <= room[0] / shape[0], "too little room");
     ptrdiff_t stretches = 0;
     if (!call.failed) {
         stretches = count_stretches(distance_m, shape[0], step_m);
-        gather_evidence(distance_m, rsrp_dbm, shape[0], shape[1], columns, cells, step_m,
+        gather_evidence(distance_m, rsrp_dbm, shape[0], shape[1], columns, carrier, cells, step_m,
                         centre_dbm, correlation_m, stretches, block);
     }
     return release(&call, call.failed ? NULL : PyLong_FromSsize_t(stretches));
@@ -285,7 +287,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 3);
+    return PyModule_AddIntConstant(module, "VERSION", 4);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

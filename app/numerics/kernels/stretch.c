@@ -24,9 +24,8 @@ INLINE Lanes load(const float *from, int lanes)
 INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdiff_t column,
                         int lanes, Lanes sums[3])
 {
-    const float *at = along->rows + column, *base = at + along->cells * TERMS * along->columns;
-    Lanes score = f->base[i] * load(base, lanes);
-    score += f->outside[i] * load(base + along->columns, lanes);
+    const float *at = along->rows + column, *last = at + along->cells * TERMS * along->columns;
+    Lanes score = f->outside[i] * load(last, lanes);
     Lanes residual = {0}, weight = {0}, silence = {0};
     for (ptrdiff_t cell = 0, k = i * f->cells; cell < f->cells; cell++, k++) {
         if (f->heard[k] == 0.0)
@@ -35,10 +34,12 @@ INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdi
         Lanes precision = load(row, lanes), pull = load(row + along->columns, lanes);
         Lanes fixed = load(row + 2 * along->columns, lanes);
         Lanes logit = load(row + 3 * along->columns, lanes);
+        Lanes quiet = load(row + 4 * along->columns, lanes);
         score += f->square[k] * precision + f->level[k] * pull;
         residual += f->level[k] * precision - f->heard[k] * pull;
         weight += f->heard[k] * precision;
         silence += f->heard[k] * (f->hearing * logit - 0.5 * fixed);
+        silence += f->hearing * f->share[k] * quiet;
     }
     sums[0] += score + silence;
     sums[1] += residual;
@@ -83,15 +84,6 @@ static void lay_windows(const Along *along, const Factors *f, ptrdiff_t column, 
     }
 }
 
-static double constant_of(const Told *told, double unmapped)
-{
-    double missed = 0.0;
-    for (ptrdiff_t cell = 0; cell < told->cells; cell++)
-        for (ptrdiff_t i = 0; told->numbers[cell] < 0 && i < told->samples; i++)
-            missed += told->heard[i * told->cells + cell] * told->weight[i];
-    return unmapped * missed;
-}
-
 static double precise_gain(double residual, double weight, const Likelihood *likelihood)
 {
     double squared = 0.5 * residual * residual;
@@ -109,11 +101,9 @@ int score_stretch(const Told *told, const Along *along, ptrdiff_t first, ptrdiff
     int fault = aim(&f, told, along, step_m, 0, likelihood);
     if (fault == 0) {
         lay_windows(along, &f, first + 1, count, sign, values, stride);
-        double constant = constant_of(told, likelihood->unmapped);
         for (ptrdiff_t i = 0; i < count; i++)
-            values[SCORE * stride + i] += constant + precise_gain(values[RESIDUAL * stride + i],
-                                                                  values[WEIGHT * stride + i],
-                                                                  likelihood);
+            values[SCORE * stride + i] += precise_gain(values[RESIDUAL * stride + i],
+                                                       values[WEIGHT * stride + i], likelihood);
     }
     free(f.memory);
     return fault;

@@ -24,9 +24,8 @@ INLINE Lanes load(const float *from, int lanes)
 INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdiff_t column,
                         int lanes, Lanes sums[3])
 {
-    const float *at = along->rows + column, *base = at + along->cells * TERMS * along->columns;
-    Lanes score = (float)f->base[i] * load(base, lanes);
-    score += (float)f->outside[i] * load(base + along->columns, lanes);
+    const float *at = along->rows + column, *last = at + along->cells * TERMS * along->columns;
+    Lanes score = (float)f->outside[i] * load(last, lanes);
     Lanes residual = {0}, weight = {0}, silence = {0};
     float hearing = (float)f->hearing;
     for (ptrdiff_t cell = 0, k = i * f->cells; cell < f->cells; cell++, k++) {
@@ -36,6 +35,7 @@ INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdi
         Lanes precision = load(row, lanes), pull = load(row + along->columns, lanes);
         Lanes fixed = load(row + 2 * along->columns, lanes);
         Lanes logit = load(row + 3 * along->columns, lanes);
+        Lanes quiet = load(row + 4 * along->columns, lanes);
         float square = (float)f->square[k], level = (float)f->level[k], heard = (float)f->heard[k];
         score += square * precision;
         residual += level * precision;
@@ -43,6 +43,7 @@ INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdi
         score += level * pull;
         residual -= heard * pull;
         silence += heard * (hearing * logit - 0.5f * fixed);
+        silence += hearing * (float)f->share[k] * quiet;
     }
     sums[0] += score + silence;
     sums[1] += residual;
@@ -126,7 +127,7 @@ int score_tape(const Told *told, const Along *along, const int64_t *positions, p
         }
     }
     if (fault == 0 && arms->count > 0)
-        fault = lay_arms(arms, &f, each, along->columns, likelihood->unmapped, parts);
+        fault = lay_arms(arms, &f, each, along->columns, parts);
     free(rows);
     free(memory);
     free(f.memory);

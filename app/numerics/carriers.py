@@ -1,0 +1,68 @@
+"""
+Carriers: cells that a phone hears, or does not, together.
+
+A phone searches some carriers at a time, and which ones differs from day to day. That none of a
+carrier's cells was heard says nothing about the place; that one was, and another was not, does. So
+silence counts within a carrier that a sample has heard, and a cell of a carrier that no survey has
+heard at a place is unknown there, not absent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+NOTHING_KNOWN = 0.5  # chance of a cell whose carrier no survey pass has heard there
+
+
+def carrier_of(cell: str) -> str:
+    """What stands before the last colon of ``earfcn:pci``; cells named otherwise share one."""
+    return cell.rpartition(":")[0]
+
+
+def stand_in(carrier: str) -> str:
+    """Name of the column that stands for a carrier's cells which a profile lacks."""
+    return f"{carrier}:*"
+
+
+def numbers(cells: Sequence[str]) -> Int[np.ndarray, " cells"]:
+    """Number of each cell's carrier, in the order in which they are first named."""
+    known: dict[str, int] = {}
+    return np.array([known.setdefault(carrier_of(c), len(known)) for c in cells], dtype=np.intp)
+
+
+def columns_of(cells: Sequence[str]) -> dict[str, int]:
+    """Number of every cell in a profile of these, then of the stand-in of each carrier."""
+    column = {cell: number for number, cell in enumerate(cells)}
+    for carrier in dict.fromkeys(map(carrier_of, cells)):
+        column[stand_in(carrier)] = len(column)
+    return column
+
+
+def numbers_in(column: dict[str, int], cells: Sequence[str]) -> list[int]:
+    """Each cell's column, its carrier's stand-in where it has none; -1 = not even that."""
+    return [column.get(cell, column.get(stand_in(carrier_of(cell)), -1)) for cell in cells]
+
+
+def unmapped_chance(
+    heard: Float[np.ndarray, "columns cells"],
+    mean_dbm: Float[np.ndarray, "columns cells"],
+    carrier: Int[np.ndarray, " cells"],
+    floor: float,
+) -> Float[np.ndarray, "columns carriers"]:
+    """
+    Chance of hearing a cell of each carrier that is not mapped at a place.
+
+    Args:
+        heard: Where a cell is not mapped, what is known of its carrier's there.
+        carrier: Number of each cell's carrier.
+        floor: Where all of a carrier's cells are mapped.
+    """
+    out = np.full((len(heard), int(carrier.max(initial=-1)) + 1), floor)
+    for number in range(out.shape[1]):
+        own = carrier == number
+        unmapped = np.where(np.isnan(mean_dbm[:, own]), heard[:, own], floor)
+        out[:, number] = np.clip(np.nan_to_num(unmapped).max(axis=1), floor, NOTHING_KNOWN)
+    return out
