@@ -207,7 +207,7 @@ def _score_tape(
     score, residual, weight = score_positions(rows, factors, ways)
     score += offset_gain(residual, weight, index.offset_prior)
     if arms is not None:
-        score_arms(query, aim, rows, arms, level.step_m)
+        score_arms(aim, rows, arms)
     return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
 
 

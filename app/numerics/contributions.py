@@ -226,7 +226,7 @@ def _gain(index: MapIndex, here: _Terms, there: _Terms, share: float) -> float:
 def cell_terms(
     road: RoadIndex, cells: tuple[str, ...], columns: Int[np.ndarray, " samples"]
 ) -> Float[np.ndarray, "5 samples cells"]:
-    """A, B, C, L and S of cells at columns of a road's profile, their stand-ins' if it lacks them."""
+    """A, B, C, L and S at columns of a road's profile; of a stand-in where it lacks the cell."""
     return _of_cells(road.along.rows, road, cells, columns, TERMS)
 
 

@@ -17,7 +17,7 @@ from jaxtyping import Float, Float32, Int
 from app.numerics import native
 from app.numerics.index import MapIndex
 from app.numerics.motion import Leg
-from app.numerics.observation import UNMAPPED, offset_gain
+from app.numerics.observation import offset_gain
 from app.numerics.paths import Way, places_along
 from app.numerics.posterior import Places
 from app.numerics.query import Aim, Query
@@ -93,13 +93,7 @@ def lay(index: MapIndex, query: Query, size: int, tapes: list[int]) -> Laid | No
     return Laid(level, step_m, considered, parts)
 
 
-def score_arms(
-    query: Query,
-    aim: Aim,
-    rows: Float32[np.ndarray, "rows columns"],
-    arms: LaidArms,
-    step_m: float,
-) -> None:
+def score_arms(aim: Aim, rows: Float32[np.ndarray, "rows columns"], arms: LaidArms) -> None:
     """
     Fill in what the halves of a window say on a tape's arms.
 

@@ -10,10 +10,10 @@ the map, which is why whole roads are scored by one matrix product:
     sum over heard k of [-1/2 (A y^2 - 2 B y + C) + h (L + S / n)]
 
 with ``A = 1/sigma^2``, ``B = A mu``, ``C = A mu^2 + log(2 pi sigma^2) - 2 log 50``, ``L`` the logit
-of ``p_k``, ``S`` the sum over all mapped cells of k's carrier of ``log(1 - p)`` and ``n`` how many of
-that carrier's cells the sample heard, so that ``S`` counts once a carrier that was heard at all (see
-`app.numerics.carriers`); ``y`` and ``mu`` are counted from `CENTRE_DBM` so that float32 keeps every
-digit that matters.
+of ``p_k``, ``S`` the sum over all mapped cells of k's carrier of ``log(1 - p)``, and ``n`` how many
+of that carrier's cells the sample heard: silence counts once for each carrier that was heard at all
+(`app.numerics.carriers`). ``y`` and ``mu`` are counted from `CENTRE_DBM` so that float32 keeps
+every digit that matters.
 """
 
 from __future__ import annotations

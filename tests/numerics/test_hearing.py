@@ -92,7 +92,8 @@ def test_repeating_every_sample_moves_certainty_not_shares():
 def test_another_pass_is_doubted_until_passes_agree():
     """One pass moves towards the road's usual share, ten hardly, and where none drove all does."""
     share = np.array([[0.9, 0.1], [0.9, 0.1], [0.0, 0.0]])
-    one, ten = (for_another_pass(share, np.array([[n, n], [n, n], [0.0, 0.0]])) for n in (1.0, 10.0))
+    passes = np.array([[1.0, 1.0], [1.0, 1.0], [0.0, 0.0]])
+    one, ten = (for_another_pass(share, n * passes) for n in (1.0, 10.0))
     weight = 1.0 / (1.0 + DOUBT_PASSES)
     np.testing.assert_allclose(one[0], weight * share[0] + (1.0 - weight) * 0.5)
     assert np.all(np.abs(ten[:2] - share[:2]) < 0.05)

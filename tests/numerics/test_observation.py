@@ -20,10 +20,10 @@ from app.numerics.observation import (
 )
 from app.numerics.posterior import RESIDUAL, WEIGHT
 from app.numerics.query import ask
-
-ALIKE = np.zeros(3, dtype=np.intp)  # cells of one carrier
 from tests.numerics import plain
 from tests.numerics.tiny import map_of, tiny_models, window_along
+
+ALIKE = np.zeros(3, dtype=np.intp)  # cells of one carrier
 
 residuals = st.floats(-60.0, 60.0)
 strengths = st.floats(0.01, 20.0)
