@@ -218,12 +218,14 @@ def print_errors(word: str, index: MapIndex, asked: Sequence[Asked]) -> None:
         print(f"  {word}: none")
         return
     error_m = []
+    began_s = time.process_time()
     for one in asked:
         fix = locate(index, one.window)
         error_m.append(float(distance_m(fix.lon, fix.lat, one.lon, one.lat)))
+    took_ms = 1e3 * (time.process_time() - began_s) / len(asked)
     p50, p90 = np.quantile(error_m, [0.5, 0.9])
     print(f"  {word}: {len(asked)} windows, median {p50:.1f} m, p90 {p90:.0f} m, "
-          f"within 50 m {np.mean(np.array(error_m) < 50.0):.3f}")  # fmt: skip
+          f"within 50 m {np.mean(np.array(error_m) < 50.0):.3f}, {took_ms:.1f} ms")  # fmt: skip
 
 
 def print_hand_cut(folder: Path, index: MapIndex) -> None:
