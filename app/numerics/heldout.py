@@ -70,9 +70,10 @@ def held_out_evidence(
     Windows of the road's passes and where on the road they fit, packed for the store.
 
     Args:
-        passes: All passes of the road; their columns are ``cells``.
+        passes: All passes of the road as they were driven, since that is what a client will send
+            and what its fixes are compared with; their columns are ``cells``.
         surface: Fitted to all of them.
-        refit: Fits a surface to some of them.
+        refit: Fits a surface to some of them, registered among themselves alone.
 
     Returns:
         See `app.numerics.evidence_table`. Shape ``(rows, 8)``, float32.

@@ -26,7 +26,7 @@ from app.numerics.hearing import (
 from app.numerics.heldout import Surface, held_out_evidence
 from app.numerics.lines import length_m
 from app.numerics.passes import RoadPass, all_cells, distinct, lay_on_road
-from app.numerics.registration import register
+from app.numerics.registration import Registration, register
 from app.numerics.salience import select_salient
 from app.numerics.segmentation import SegmentationParams, cut_road
 from app.numerics.subsegments import FittedRoad, describe_segments
@@ -63,19 +63,36 @@ def fit_road(road: Road, passes: Sequence[Trace], params: FitParams = FitParams(
     Raises:
         NotEnoughSamples, NoCells, RoadTooShort: The passes say too little of this road.
     """
-    measured = distinct(passes)
-    if not measured:
-        raise NotEnoughSamples(needed=params.min_rows, got=0)
-    line = road.line if road.line is not None else derive_line(measured)
-    end_m = length_m(line)
-    if end_m < params.segmentation.min_length_m:
-        raise RoadTooShort(needed_m=params.segmentation.min_length_m, got_m=end_m)
-    laid = _lay_all(line, measured, params)
-    carrier = carriers.numbers(laid.cells)
-    work = _Fitting(end_m, _spacing_m(laid.passes, params), params.grid_step_m, carrier)
+    laid = _lay_all(road, passes, params)
+    work = _Fitting.of(laid, params)
     fitted = _fit(laid.passes, work)
-    reference = _reference(laid.cells, measured, fitted.surface)
+    reference = _reference(laid.cells, laid.traces, fitted.surface)
     return _assemble(road, laid, work, fitted, reference, params)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RegisteredPass:
+    """What was taken out of a pass before the fit; see `app.numerics.registration`."""
+
+    trace: Trace
+    lag_s: float
+    level_db: float
+
+
+def register_road(
+    road: Road, passes: Sequence[Trace], params: FitParams = FitParams()
+) -> list[RegisteredPass]:
+    """
+    Lag and level of a road's passes, as `fit_road` takes them out; of copies, one.
+
+    Raises:
+        NotEnoughSamples, NoCells, RoadTooShort: The passes say too little of this road.
+    """
+    laid = _lay_all(road, passes, params)
+    work = _Fitting.of(laid, params)
+    found = work.registration(laid.passes, work.curves(laid.passes).strength)
+    told = zip(laid.traces, found.lag_s.tolist(), found.level_db.tolist(), strict=True)
+    return [RegisteredPass(*each) for each in told]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,12 +102,21 @@ class _Laid:
     line: Line
     cells: tuple[str, ...]
     passes: list[RoadPass]
+    traces: list[Trace]
 
 
-def _lay_all(line: Line, traces: Sequence[Trace], params: FitParams) -> _Laid:
+def _lay_all(road: Road, every: Sequence[Trace], params: FitParams) -> _Laid:
+    traces = distinct(every)
+    if not traces:
+        raise NotEnoughSamples(needed=params.min_rows, got=0)
+    line = road.line if road.line is not None else derive_line(traces)
+    end_m, shortest_m = length_m(line), params.segmentation.min_length_m
+    if end_m < shortest_m:
+        raise RoadTooShort(needed_m=shortest_m, got_m=end_m)
     cells = all_cells(traces)
     laid = [lay_on_road(line, trace, cells, f"pass-{i}") for i, trace in enumerate(traces)]
     passes = [one for one in laid if one is not None]
+    on_road = [trace for trace, one in zip(traces, laid, strict=True) if one is not None]
     rows = sum(len(one.chainage_m) for one in passes)
     if rows < params.min_rows:
         raise NotEnoughSamples(needed=params.min_rows, got=rows)
@@ -99,7 +125,8 @@ def _lay_all(line: Line, traces: Sequence[Trace], params: FitParams) -> _Laid:
     if not often.any():
         raise NoCells(heard=len(cells), needed_samples=params.min_readings)
     kept = [one.of_cells(often) for one in passes]
-    return _Laid(line, tuple(cell for cell, keep in zip(cells, often, strict=True) if keep), kept)
+    mapped = tuple(cell for cell, keep in zip(cells, often, strict=True) if keep)
+    return _Laid(line, mapped, kept, on_road)
 
 
 def _spacing_m(passes: Sequence[RoadPass], params: FitParams) -> float:
@@ -116,6 +143,12 @@ class _Fitting:
     spacing_m: float
     step_m: float
     carrier: Int[np.ndarray, " cells"]
+
+    @classmethod
+    def of(cls, laid: _Laid, params: FitParams) -> _Fitting:
+        """For these passes."""
+        spacing_m, carrier = _spacing_m(laid.passes, params), carriers.numbers(laid.cells)
+        return cls(length_m(laid.line), spacing_m, params.grid_step_m, carrier)
 
     @property
     def grid_m(self) -> Floats:
@@ -142,10 +175,9 @@ class _Fitting:
             np.where(mapped, for_another_pass(heard, by), stranger_chance(by)).astype(np.float32),
         )
 
-    def registered(self, passes: Sequence[RoadPass], strength: float) -> list[RoadPass]:
-        """The passes with lag and level taken out, as far as they tell these of each other."""
-        found = register(passes, self.end_m, self.spacing_m, strength)
-        return found.correct(passes)
+    def registration(self, passes: Sequence[RoadPass], strength: float) -> Registration:
+        """Lag and level of the passes, as far as they tell these of each other."""
+        return register(passes, self.end_m, self.spacing_m, strength)
 
     def passes_by(self, passes: Sequence[RoadPass]) -> Floats:
         """How many passes listened to each cell's carrier by each grid point."""
@@ -168,7 +200,7 @@ class _Fitted:
 
 def _fit(driven: list[RoadPass], work: _Fitting) -> _Fitted:
     curves = work.curves(driven)
-    passes = work.registered(driven, curves.strength)
+    passes = work.registration(driven, curves.strength).correct(driven)
     if any(now is not before for now, before in zip(passes, driven, strict=True)):
         curves = work.curves(passes)
     return _Fitted(passes, curves, work.surface(passes, curves))
@@ -200,7 +232,7 @@ def _assemble(
     def refit(driven: Sequence[RoadPass]) -> Surface:
         # Held-out windows stay as a client would send them, and the others are registered without
         # them: else the map would take its own corrections for accuracy.
-        passes = work.registered(driven, curves.strength)
+        passes = work.registration(driven, curves.strength).correct(driven)
         return work.surface(passes, work.curves(passes, curves.strength))
 
     return RoadModel(
