@@ -71,7 +71,10 @@ def _offset_sd_db(windows: Sequence[HeldOut]) -> float:
     if len(told) < MIN_WINDOWS:
         return Calibration().offset_sd_db
     offset_db, noise_db2 = np.array(told).T
-    return float(np.sqrt(max(float(np.mean(offset_db**2 - noise_db2)), SMALLEST_OFFSET_SD_DB**2)))
+    # A window that tells its offset badly, as where the map lacks all its cells, hardly counts.
+    trust = 1.0 / (1.0 + noise_db2) ** 2
+    variance_db2 = float(trust @ (offset_db**2 - noise_db2) / trust.sum())
+    return float(np.sqrt(max(variance_db2, SMALLEST_OFFSET_SD_DB**2)))
 
 
 def _offset_at_truth(one: HeldOut) -> tuple[float, float]:

@@ -31,7 +31,7 @@ from app.numerics.refinement import refine
 
 MOST_TURNS = 12  # windows are laid round this many corners at most, the likeliest ones
 MOST_SAID = 12.0  # nats that one window may say against a place: 1 in 160,000
-OFF_MAP_BOUNDS = (0.002, 0.5)  # what a track may say of being off the map before it listens
+OFF_MAP_BOUNDS = (0.002, 0.2)  # what a track may say of being off the map before it listens
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,6 +74,10 @@ def test_the_spread_of_devices_is_learnt(offset_db):
         one.places.values[3], one.places.values[4] = 100.0 * shift_db, 100.0
         windows.append(replace(one.truth, places=one.places, chainage_m=200.0))
     assert _offset_sd_db(windows) == pytest.approx(offset_db, rel=0.15)
+    nothing = windows[0].places.values.copy()
+    nothing[3:] = 0.0  # at its truth the map has none of the window's cells
+    strange = replace(windows[0], places=Places(windows[0].places.where, nothing))
+    assert _offset_sd_db([*windows, strange]) == pytest.approx(offset_db, rel=0.15)
 
 
 def test_too_little_evidence_keeps_the_defaults():
