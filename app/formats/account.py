@@ -27,13 +27,22 @@ REPEATED_READING = "repeated reading"
 TOO_FEW_SAMPLES = "too few samples in a row"
 OUT_OF_ORDER = "time goes back too far"
 NOT_A_NUMBER = "not a number"
+NOT_A_TIME = "not a time"
 POSITION_OUT_OF_RANGE = "position out of range"
 SWAPPED = "lon and lat look swapped"
 WRONG_COLUMNS = "wrong number of columns"
 NOT_A_RECORD = "not a record of this format"
 
 FAULTS = frozenset(
-    {NOT_A_NUMBER, UNKNOWN_UNIT, POSITION_OUT_OF_RANGE, SWAPPED, WRONG_COLUMNS, NOT_A_RECORD}
+    {
+        NOT_A_NUMBER,
+        NOT_A_TIME,
+        UNKNOWN_UNIT,
+        POSITION_OUT_OF_RANGE,
+        SWAPPED,
+        WRONG_COLUMNS,
+        NOT_A_RECORD,
+    }
 )
 """Reasons that say a file is broken; the others are what sound files of these tools hold too."""
 

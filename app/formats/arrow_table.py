@@ -37,7 +37,7 @@ def read_blocks_fast(
     places = layout.wanted(wanted)
     for _ in range(layout.header_line):
         source.readline()
-    lines = _Lines(layout.header_line)
+    lines = _Lines(layout.header_line, len(layout.names))
     text = pa.dictionary(pa.int32(), pa.binary())  # bytes: a wrong letter must not end the reading
     reader = None
     try:
@@ -85,8 +85,9 @@ def _column(array: Any) -> Column:
 class _Lines:
     """Which line each row stands on: the reader tells only which lines were no rows."""
 
-    def __init__(self, header_line: int) -> None:
+    def __init__(self, header_line: int, width: int) -> None:
         self.header_line = header_line
+        self.width = width
         self.wrong: list[int] = []
         self._long: list[tuple[int, str]] = []
         self._skipped: list[int] = []
@@ -96,20 +97,23 @@ class _Lines:
         """Arrow's handler of rows of another length; empty lines are no rows and no fault."""
         line = self.header_line + row.number
         self._skipped.append(line)
-        if row.actual_columns == row.expected_columns + 1:
+        if row.actual_columns > row.expected_columns:
             self._long.append((line, row.text))
         elif row.text:
             self.wrong.append(line)
         return "skip"
 
     def salvaged(self, delimiter: str, places: dict[str, int], account: Account) -> Iterator[Block]:
-        """Rows with one value too many that is empty: right ones, as some tools write them."""
+        """Rows with values too many that are empty: right ones, as some tools write them."""
         rows = {
             line: next(csv.reader([text], delimiter=delimiter), [""]) for line, text in self._long
         }
         self._long.clear()
-        self.wrong += [line for line, row in rows.items() if row[-1]]
-        right = {line: row for line, row in rows.items() if not row[-1]}
+        long = {
+            line: any(row[self.width :]) or len(row) <= self.width for line, row in rows.items()
+        }
+        self.wrong += [line for line, wrong in long.items() if wrong]
+        right = {line: row for line, row in rows.items() if not long[line]}
         if right:
             columns = {
                 name: encode([row[at] for row in right.values()]) for name, at in places.items()

@@ -5,6 +5,7 @@ from __future__ import annotations
 MOST_EARFCN = 3_279_165  # the largest NR-ARFCN (3GPP TS 38.104 table 5.4.2.1-1); LTE's are smaller
 MOST_LTE_PCI, MOST_NR_PCI = 503, 1007
 MOST_NCI = 2**36 - 1  # NR cell identity; an ECI has 28 bits
+NO_IDENTITY = frozenset({2**31 - 1, 2**28 - 1})  # Android's "unavailable", and all bits of an ECI
 ABSENT = frozenset({"", "-", "--", "---", "null", "none", "nan", "n/a", "not available"})
 
 
@@ -13,7 +14,7 @@ def whole(text: str | None) -> int | None:
     if text is None or text.strip().lower() in ABSENT:
         return None
     try:
-        number = float(text)
+        number = float(text.replace(",", "."))
     except ValueError:
         return None
     return int(number) if number.is_integer() else None
@@ -40,6 +41,9 @@ def global_id(mcc: str | None, mnc: str | None, identity: int | None) -> str | N
     """``mcc-mnc-identity``; None unless all are known. The MNC keeps its zeros as written."""
     if mcc is None or mnc is None or identity is None or not 0 < identity <= MOST_NCI:
         return None
+    if identity in NO_IDENTITY:
+        return None
+    mcc, mnc = (code.strip().removesuffix(".0") for code in (mcc, mnc))  # as data frames write them
     if not (mcc.isdigit() and mnc.isdigit() and len(mcc) == 3 and 1 <= len(mnc) <= 3):
         return None
     return f"{mcc}-{mnc}-{identity}"

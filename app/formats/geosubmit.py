@@ -12,10 +12,12 @@ from app.formats.account import NO_POSITION, NOT_LTE_OR_NR, Account, WrongFile
 from app.formats.cells import global_id, short_key
 from app.formats.options import Options
 from app.formats.rows import UNKNOWN, DriveLabel, Fix, Labels, RowList, Rows
+from app.formats.values import epoch_s
 
 RADIOS = {"lte": False, "nr": True}
 MOST_FAULTS = 20  # spelled out in one answer
 MOST_AGE_MS = 10_000.0  # an older reading belongs to another place
+MOST_FIX_AGE_MS = 3_600_000.0  # of a position; what says more is no age
 
 
 def read(source: BinaryIO, options: Options, account: Account, labels: Labels) -> Iterator[Rows]:
@@ -81,11 +83,11 @@ def _fix(line: int, drive: int, item: Mapping[str, Any]) -> Fix:
     """The moment at which the position was measured."""
     position = item["position"]
     age_ms = _number(position, "age")
-    time_ms = _number(item, "timestamp") - (age_ms if math.isfinite(age_ms) else 0.0)
+    age_s = age_ms / 1000.0 if abs(age_ms) < MOST_FIX_AGE_MS else 0.0
     return Fix(
         line=line,
         drive=drive,
-        time_s=time_ms / 1000.0,
+        time_s=epoch_s(_number(item, "timestamp")) - age_s,
         lon=_number(position, "longitude"),
         lat=_number(position, "latitude"),
         speed_mps=_number(position, "speed"),
@@ -108,7 +110,7 @@ def _add(
     gid = global_id(mcc, mnc, _whole(cell, "cellId"))
     key = short_key(arfcn, pci) or gid
     told = cell.get("serving")
-    serving = int(told) if told in {0, 1} else UNKNOWN
+    serving = int(told) if isinstance(told, int) and told in {0, 1} else UNKNOWN
     found.add(fix, labels.cell(key, gid), _number(cell, "signalStrength"), serving=serving, nr=nr)
 
 
@@ -119,7 +121,10 @@ def _number(told: Mapping[str, Any], name: str) -> float:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, int | float):
         return math.inf
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:  # JSON knows whole numbers of any length
+        return math.inf
 
 
 def _whole(told: Mapping[str, Any], name: str) -> int | None:

@@ -19,7 +19,7 @@ from app.formats.cells import (
 from app.formats.options import Options
 from app.formats.rows import DriveLabel, Fix, Labels, RowList, Rows
 from app.formats.table import Block, Layout, read_blocks
-from app.formats.values import MPS_PER_KMH, UNREADABLE, local_time_s, number
+from app.formats.values import MPS_PER_KMH, UNREADABLE, level_dbm, moment_s, number
 
 TIMES = ("timestamp", "times", "time")
 LEVELS = ("level", "rxlev")
@@ -57,7 +57,7 @@ def _rows(
     found = RowList()
     names = list(block.columns)
     time = next(name for name in TIMES if name in block.columns)
-    times_s = block.columns[time].numbers(lambda text: local_time_s(text, options.zone))
+    times_s = block.columns[time].numbers(lambda text: moment_s(text, options.zone))
     columns = zip(*(block.columns[name].texts() for name in names), strict=True)
     other: list[int] = []
     nameless: list[int] = []
@@ -111,7 +111,7 @@ def add_serving(found: RowList, fix: Fix, told: Record, labels: Labels, *, nr: b
     gid = global_id(mcc, mnc, identity)
     key = short_key(whole(told.get("arfcn")), whole(told.get("psc"))) or gid
     level = next((told[name] for name in LEVELS if told.get(name)), None)
-    found.add(fix, labels.cell(key, gid), number(level or ""), serving=1, nr=nr)
+    found.add(fix, labels.cell(key, gid), level_dbm(level or ""), serving=1, nr=nr)
 
 
 def neighbour_of(told: Record, k: int) -> Record:
@@ -127,12 +127,12 @@ def _add_neighbour(
 
     Without a technology of its own it has the serving cell's.
     """
-    level_dbm = number(told["nrxlev"] or "")
+    level = level_dbm(told["nrxlev"] or "")
     own = told["ntech"]
     nr = technology(own) if own and own.strip().lower() not in ABSENT else serving_nr
-    if math.isnan(level_dbm) or nr is None:
+    if math.isnan(level) or nr is None:
         return True
     key = short_key(whole(told["narfcn"]), whole(told["ncell"]))
     if key is not None:
-        found.add(fix, labels.cell(key), level_dbm, serving=0, nr=nr)
+        found.add(fix, labels.cell(key), level, serving=0, nr=nr)
     return key is not None

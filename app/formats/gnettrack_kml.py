@@ -13,9 +13,8 @@ from app.formats.cells import global_id, short_key, technology, whole
 from app.formats.gnettrack import ECI_PER_ENB, digest_of
 from app.formats.options import Options
 from app.formats.rows import DriveLabel, Fix, Labels, RowList, Rows
-from app.formats.values import MPS_PER_KMH, UNREADABLE, measure, moment_s
+from app.formats.values import DBM, MPS_PER_KMH, UNREADABLE, measure, moment_s
 
-DBM = {"dBm": 1.0, "": 1.0}
 SPEEDS = {"km/h": MPS_PER_KMH, "kmh": MPS_PER_KMH, "m/s": 1.0, "": MPS_PER_KMH}
 METRES = {"m": 1.0, "": 1.0}
 PCI_NAMES = ("pc", "pci", "psc")  # physical cell; older versions use 3G's word

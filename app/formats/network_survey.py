@@ -14,7 +14,7 @@ from app.formats.json_stream import each_document
 from app.formats.options import Options
 from app.formats.rows import UNKNOWN, DriveLabel, Fix, Labels, RowList, Rows
 from app.formats.table import Layout, read_blocks
-from app.formats.values import moment_s, number
+from app.formats.values import level_dbm, moment_s, number
 
 NEEDED = ("devicetime", "latitude", "longitude", "pci")
 LTE, NR = ("earfcn", "rsrp"), ("narfcn", "ssrsrp")
@@ -35,7 +35,7 @@ def is_table(names: tuple[str, ...]) -> bool:
 def read_table(source: BinaryIO, layout: Layout, options: Options, account: Account,
                labels: Labels) -> Iterator[Rows]:  # fmt: skip
     """Blocks of a CSV file."""
-    nr = set(NR) <= set(layout.names)
+    knows_nr, knows_lte = set(NR) <= set(layout.names), set(LTE) <= set(layout.names)
     scans = _Scans()
     for block in read_blocks(source, layout, WANTED, account):
         found = RowList()
@@ -43,6 +43,8 @@ def read_table(source: BinaryIO, layout: Layout, options: Options, account: Acco
         values = zip(*(block.columns[name].texts() for name in names), strict=True)
         for line, row in zip(block.lines.tolist(), values, strict=True):
             told = dict(zip(names, row, strict=True))
+            # A table of both has one or the other in a row.
+            nr = knows_nr and not (knows_lte and not told["ssrsrp"])
             _add(found, line, told, options, labels, scans, nr=nr)
         yield found.rows()
 
@@ -140,7 +142,7 @@ def _add(
     serving = {"true": 1, "1": 1, "false": 0, "0": 0}.get(
         (told.get("servingcell") or "").lower(), UNKNOWN
     )
-    rsrp_dbm = number(told.get(level) or "")
+    rsrp_dbm = level_dbm(told.get(level) or "")
     found.add(scans.shared(fix, told), labels.cell(key, gid), rsrp_dbm, serving=serving, nr=nr)
 
 

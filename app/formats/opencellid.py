@@ -13,7 +13,7 @@ from app.formats.cells import ABSENT, global_id, short_key, technology, whole
 from app.formats.options import Options
 from app.formats.rows import UNKNOWN, DriveLabel, Labels, Rows
 from app.formats.table import Block, Layout, read_blocks
-from app.formats.values import moment_s, number
+from app.formats.values import level_dbm, moment_s, number
 
 NEEDED = ("mcc", "mnc", "lat", "lon", "signal", "measured_at")
 IDENTITIES = ("cellid", "cell_id")
@@ -60,7 +60,7 @@ def _rows(block: Block, nr: np.ndarray, options: Options, labels: Labels) -> Row
         speed_mps=block.numbers("speed", _not_negative).astype(np.float32),
         accuracy_m=block.numbers("rating", _not_negative).astype(np.float32),
         cell=_cells(block, labels),
-        rsrp_dbm=block.numbers("signal", number),
+        rsrp_dbm=block.numbers("signal", level_dbm),
         serving=np.full(count, UNKNOWN, np.int8),
         nr=nr,
     )

@@ -13,7 +13,8 @@ from app.formats import account as reasons
 from app.formats.account import Account
 from app.formats.swap import looks_swapped
 
-FILLERS_DBM = (-30.0, 127.0, 2147483647.0)  # what tools write for "not measured"
+MOST_INT = 2147483647.0  # Android's "unavailable"
+FILLERS_DBM = (-30.0, 127.0, MOST_INT)  # what tools write for "not measured"
 MAX_ACCURACY_M = 100.0  # beyond, the position came from cells or wifi and names no street
 MOST_CELL_CHARACTERS = 128  # as the API has it
 MOST_NAME_CHARACTERS = 200  # the same
@@ -171,13 +172,14 @@ def sift(rows: Rows, account: Account) -> Rows:
     out = (np.abs(rows.lat) > 90.0) | (np.abs(rows.lon) > 180.0)
     tests = {
         reasons.NO_LEVEL: np.isnan(rows.rsrp_dbm),
-        reasons.NOT_A_NUMBER: np.isinf(rows.rsrp_dbm) | np.isinf(rows.time_s)
-        | np.isinf(rows.lon) | np.isinf(rows.lat),
+        reasons.NOT_A_NUMBER: np.isinf(rows.rsrp_dbm) | np.isinf(rows.lon) | np.isinf(rows.lat),
+        reasons.NOT_A_TIME: np.isinf(rows.time_s),
         reasons.FILLER: np.isin(rows.rsrp_dbm, FILLERS_DBM),
         reasons.OUT_OF_RANGE: (rows.rsrp_dbm < low_dbm) | (rows.rsrp_dbm > high_dbm),
         reasons.NO_CELL: rows.cell == UNKNOWN,
         reasons.NO_TIME: np.isnan(rows.time_s),
         reasons.NO_POSITION: np.isnan(rows.lon) | np.isnan(rows.lat)
+        | (rows.lon == MOST_INT) | (rows.lat == MOST_INT)
         | ((rows.lon == 0.0) & (rows.lat == 0.0)),  # what a phone writes before its first fix
         reasons.SWAPPED: out & looks_swapped(rows.lon, rows.lat),
         reasons.POSITION_OUT_OF_RANGE: out,

@@ -34,7 +34,14 @@ NEEDED = {
     OPENCELLID: (*opencellid.NEEDED, "cellid"),
 }
 FORMATS = (*TABLES, GNETTRACK_KML, GEOSUBMIT, NETWORK_SURVEY_JSON, SURVEY_JSON)
-DELIMITERS = ("\t", ";", ",")
+DELIMITERS = ("\t", ";", ",", "|")
+MOST_LINES_BEFORE = 50  # blank lines and comments above a header
+KINDS = {  # how files begin that are often taken for text
+    b"PK\x03\x04": "a zip archive (XLSX and KMZ are, too); unpack it or save it as CSV or KML",
+    b"%PDF": "a PDF",
+    b"SQLite format 3": "a SQLite database; export its table as CSV",
+    b"\x89PNG": "a picture",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +70,7 @@ def sniff(source: BinaryIO, wanted: str | None = None) -> Sniffed:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if not text:
         raise WrongFile("the file is empty")
-    if head.startswith(b"\x1f\x8b"):
-        raise WrongFile("the body is gzipped; say so by Content-Encoding: gzip")
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in head:
-        raise WrongFile("the file is no UTF-8 text (UTF-16, or no text at all)")
+    _refuse_no_text(head)
     if text.startswith(b"<"):
         return _one_of(wanted, (GNETTRACK_KML,), _xml(text))
     if text.startswith((b"{", b"[")):
@@ -76,12 +80,39 @@ def sniff(source: BinaryIO, wanted: str | None = None) -> Sniffed:
     return found
 
 
+def _refuse_no_text(head: bytes) -> None:
+    """
+    Refuse what is no UTF-8 text.
+
+    Raises:
+        WrongFile: So it is; with what it is instead, and what to do.
+    """
+    if head.startswith(b"\x1f\x8b"):
+        raise WrongFile(
+            "gzipped where text belongs: a body needs Content-Encoding: gzip, a file packed twice "
+            "has to be unpacked once"
+        )
+    for begins, kind in KINDS.items():
+        if head.startswith(begins):
+            raise WrongFile(f"the file is {kind}")
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or head[1:2] == b"\0" != head[:1]:
+        raise WrongFile("the file is UTF-16 text; save it as UTF-8")
+    at = head.find(b"\0")
+    if at >= 0:
+        raise WrongFile(
+            f"byte {at} is NUL: no text, or a log that was cut off while it was written; "
+            "remove the NUL bytes"
+        )
+
+
 def _xml(text: bytes) -> str:
     """
     KML's name when it is KML.
 
     A document type declaration is refused: no tool writes one, and entities can blow up a parser.
     """
+    if re.match(rb"<(!doctype\s+)?html\b", text, re.IGNORECASE):
+        raise WrongFile("the file is a web page, perhaps that of an error, and no measurements")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise WrongFile("XML with a document type declaration is not read")
     if not re.search(rb"<(\w+:)?kml\b", text):
@@ -114,13 +145,17 @@ def _one_of(wanted: str | None, names: tuple[str, ...], found: str) -> Sniffed:
 
 
 def _table(source: BinaryIO, wanted: str | None) -> Sniffed:
-    """The first line is the header; or, in a scanner's export, the line that begins as its does."""
-    first = source.readline(MOST_HEADER_BYTES)
-    line, header_line = first, 1
+    """
+    The first line is the header, after blank lines, comments and Excel's ``sep=``; or, in a
+    scanner's export, the line that begins as its does.
+    """
+    line, header_line = _first_line(source)
     source.seek(0)
     preamble = _after_preamble(source)
     if preamble is not None:
         line, header_line = preamble
+    if b"\r" in line.rstrip(b"\r\n"):
+        raise WrongFile("lines end with a carriage return alone; save the file with line feeds")
     text = line.decode("utf-8", "replace")
     delimiter = max(DELIMITERS, key=text.count)
     names = names_of(text, delimiter)
@@ -129,7 +164,18 @@ def _table(source: BinaryIO, wanted: str | None) -> Sniffed:
         fits = [name for name in fits if name == wanted]
     if fits:
         return Sniffed(fits[0], Layout(names, delimiter, header_line))
-    raise WrongFile(_why_not(names, wanted), "/lines/1")
+    raise WrongFile(_why_not(text, names, wanted), f"/lines/{header_line}")
+
+
+def _first_line(source: BinaryIO) -> tuple[bytes, int]:
+    """The first line that says something, and its number from 1."""
+    line, number = b"", 0
+    while number < MOST_LINES_BEFORE:
+        line, number = source.readline(MOST_HEADER_BYTES), number + 1
+        text = line.removeprefix(b"\xef\xbb\xbf").strip().lower()
+        if not line or (text and not text.startswith((b"#", b"sep=", b"//"))):
+            break
+    return line, number
 
 
 def _after_preamble(source: BinaryIO) -> tuple[bytes, int] | None:
@@ -140,12 +186,13 @@ def _after_preamble(source: BinaryIO) -> tuple[bytes, int] | None:
         if not line:
             return None
         read_bytes, number = read_bytes + len(line), number + 1
-        if line.removeprefix(b"\xef\xbb\xbf").lower().startswith(romes.HEADER_BEGINS):
+        plain = line.removeprefix(b"\xef\xbb\xbf").translate(None, b'" ').lower()
+        if plain.startswith(romes.HEADER_BEGINS):
             return line, number
     return None
 
 
-def _why_not(names: tuple[str, ...], wanted: str | None) -> str:
+def _why_not(text: str, names: tuple[str, ...], wanted: str | None) -> str:
     """The format that comes nearest and what it lacks, or that the first line is no header."""
     if wanted in {OPENCELLID, None} and set(names) >= opencellid.AGGREGATE:
         return (
@@ -160,6 +207,6 @@ def _why_not(names: tuple[str, ...], wanted: str | None) -> str:
     }
     nearest = min(lacks, key=lambda name: len(lacks[name]) / len(NEEDED[name]))
     if len(lacks[nearest]) == len(NEEDED[nearest]):
-        shown = ", ".join(names)[:120]
+        shown = "".join(filter(str.isprintable, text.strip("\ufeff")))[:120]
         return f"the first line ({shown}) is the header of no known table"
     return f"nearest is {nearest}, but the column {', '.join(lacks[nearest])} is missing"

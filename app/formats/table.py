@@ -102,9 +102,13 @@ class Text(io.TextIOWrapper):
 
 
 def names_of(line: str, delimiter: str) -> tuple[str, ...]:
-    """Column names of a header line, lower case, without quotes and spaces."""
+    """Column names of a header line, lower case, without quotes; ``Cell ID`` is ``cell_id``."""
     parts = next(csv.reader([line.strip("\ufeff\r\n")], delimiter=delimiter), [])
-    return tuple(part.strip().lower() for part in parts)
+    return tuple(map(_name, parts))
+
+
+def _name(text: str) -> str:
+    return "_".join(text.lower().split())
 
 
 def read_blocks(
@@ -114,7 +118,7 @@ def read_blocks(
     The rows after the header, in blocks; rows of another length are dropped by line, blank ones
     are skipped.
 
-    One value more than names is right when it is empty: some tools end each row with a delimiter.
+    More values than names are right when they are empty: some tools end each row with a delimiter.
 
     Raises:
         WrongFile: A wanted column stands twice.
@@ -157,7 +161,7 @@ def _take(reader: Any, header_line: int, width: int) -> _Taken:
         for row in itertools.islice(reader, BLOCK_ROWS):
             count += 1
             line = header_line + reader.line_num
-            if len(row) == width or (len(row) == width + 1 and not row[-1]):
+            if len(row) == width or (len(row) > width and not any(row[width:])):
                 taken.lines.append(line)
                 taken.rows.append(row)
             elif row:
@@ -169,13 +173,22 @@ def _take(reader: Any, header_line: int, width: int) -> _Taken:
 
 
 def without_blanks(block: Block, account: Account) -> Block:
-    """The rows in which any wanted column says something; the others are no rows."""
+    """The rows in which any wanted column says something and that are no header again."""
     blank = np.ones(len(block), bool)
     for column in block.columns.values():
         empty = np.array([not text for text in column.values], bool)
         blank &= empty[column.codes] if empty.any() else False
         if not blank.any():
             break
+    header = np.ones(len(block), bool)
+    for name, column in sorted(block.columns.items(), key=lambda each: len(each[1].values)):
+        same = np.array([_name(text) == name for text in column.values], bool)
+        header &= same[column.codes] if same.any() else False
+        if not header.any():
+            break
+    if header.any():
+        account.note("header lines between the rows left out", int(np.count_nonzero(header)))
+        blank |= header
     account.rows += int(np.count_nonzero(~blank))
     if not blank.any():
         return block

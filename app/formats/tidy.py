@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from app.formats.account import Account, WrongFile
 from app.formats.arrow_table import read_blocks_fast
+from app.formats.cells import ABSENT
 from app.formats.options import Options
 from app.formats.rows import UNKNOWN, DriveLabel, Labels, Rows
 from app.formats.table import Block, Column, Layout, read_blocks
-from app.formats.values import moment_s, number
+from app.formats.values import level_dbm, moment_s, number
 
 TIMES = ("time_s", "timestamp_s")
 DRIVES = ("pass_id", "trace_id", "drive_id")
@@ -55,11 +56,15 @@ def _rows(block: Block, time: str, key: str | None, options: Options, labels: La
         lat=block.numbers("lat", number),
         speed_mps=block.numbers("speed_mps", number).astype(np.float32),
         accuracy_m=block.numbers("accuracy_m", number).astype(np.float32),
-        cell=coded(block.columns["cell_id"], lambda text: labels.cell(text.strip() or None)),
-        rsrp_dbm=block.numbers("rsrp_dbm", number),
+        cell=coded(block.columns["cell_id"], lambda text: labels.cell(_cell(text))),
+        rsrp_dbm=block.numbers("rsrp_dbm", level_dbm),
         serving=np.nan_to_num(block.numbers("serving", _serving), nan=UNKNOWN).astype(np.int8),
         nr=block.numbers("radio", lambda text: float(text.strip().lower() == "nr")) == 1.0,
     )
+
+
+def _cell(text: str) -> str | None:
+    return None if text.strip().lower() in ABSENT else text.strip()
 
 
 def _serving(text: str) -> float:

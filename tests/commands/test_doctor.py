@@ -97,7 +97,7 @@ def test_broken_rows_are_named_and_left_out(run, file):
     done = run("doctor", file(text))
     assert done.exit_code == 0
     told = words(done.stdout)
-    assert "x 1 rows are broken: not a number: 1 (line 402)" in told
+    assert "x 1 rows are broken: not a time: 1 (line 402)" in told
     assert "--keep-going" in told
 
 

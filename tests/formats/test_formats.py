@@ -124,7 +124,7 @@ def test_the_first_lines_of_a_reason_are_named_and_the_rest_counted(read):
     ("name", "text", "reason"),
     [
         ("tidy", samples.TIDY + "1,2\n", reasons.WRONG_COLUMNS),
-        ("tidy", samples.TIDY + "x,1,1,a,-90,1\n", reasons.NOT_A_NUMBER),
+        ("tidy", samples.TIDY + "x,1,1,a,-90,1\n", reasons.NOT_A_TIME),
         ("tidy", samples.TIDY + "9,1,91,a,-90,1\n", reasons.SWAPPED),
         ("tidy", samples.TIDY + "9,1,191,a,-90,1\n", reasons.POSITION_OUT_OF_RANGE),
         ("opencellid", samples.OPENCELLID + samples.opencellid_row(9, signal="?"),
@@ -176,7 +176,7 @@ def test_a_file_cut_short_gives_what_came_before_on_demand(read, text, complaint
         ('{"a": 1}', "JSON without"),
         ('{"items": [1]}', "malformed"),
         ('{"items": 3}', "list of reports"),
-        ("a,b\0", "no UTF-8"),
+        ("a,b\0", "NUL"),
         (b"\xff\xfea\0", "UTF-16"),
         (b"\x1f\x8b\x08", "Content-Encoding"),
         ("time_s,lon,lat,lat,cell_id,rsrp_dbm\n1,2,3,3,a,-90\n", "twice"),
