@@ -156,8 +156,8 @@ def test_the_same_passes_again_change_no_answer():
 
 
 @pytest.mark.parametrize("name", ["paper", "harsh"])
-def test_a_louder_device_helps_as_an_equal_one_does(name):
-    """A second pass of another device, 6 dB louder, makes the map no worse than an equal one."""
+def test_a_louder_device_is_no_worse_than_an_equal_one(name):
+    """A second pass 6 dB louder: the map is no worse than with an equal one, beyond noise."""
     parts = [
         ask_in(map_of(city_of(name, seed), louder_second(name, seed)), asked_of(name, seed))
         for seed in SEEDS
@@ -174,7 +174,7 @@ def louder_second(name: str, seed: int) -> list[Trace]:
     ]
 
 
-def test_a_late_pass_helps_as_a_timely_one_does():
+def test_a_late_pass_is_no_worse_than_a_timely_one():
     """One pass of three whose readings lag by a second and a half makes the map no worse."""
     name = "harsh"
     parts = [
