@@ -21,6 +21,7 @@ from app.formats import account as reasons
 from app.formats.account import Account
 from app.formats.order import runs_in_time, steps_m
 from app.formats.rows import DriveLabel, Labels, Rows
+from app.formats.stale import repeated_neighbours
 from app.formats.values import EPOCH_LEAST_S
 
 DRIVE_GAP_S = 300.0  # a silence this long ends a drive that the file does not name itself
@@ -169,6 +170,10 @@ class Assembler:
         if again.any():
             self._leave_out(reasons.REPEATED_READING, rows, again, dropped)
             rows, sample = rows.take(~again), sample[~again]
+        stale = repeated_neighbours(rows, sample)
+        if stale.any():
+            self._leave_out(reasons.REPEATED_NEIGHBOURS, rows, stale, dropped)
+            rows, sample = rows.take(~stale), sample[~stale]
         return rows, sample
 
     def _leave_out(
