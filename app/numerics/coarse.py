@@ -21,6 +21,7 @@ from app.numerics.corners import (
     Laid,
     LaidArms,
     lay,
+    may_turn,
     score_arms,
     score_turns,
     worth_laying,
@@ -98,12 +99,11 @@ def shortlists(index: MapIndex, query: Query) -> tuple[Coarse, list[Corner]]:
     Places along roads and round corners share one posterior. The best place along a road is always
     among those kept.
     """
+    if not may_turn(index, query):
+        return shortlist(index, query), []
     tapes = tapes_of(index, query)
     laid = lay(index, query, size_of(query), tapes)
     every = _score_roads(index, query, tapes, laid)
-    if laid is None:
-        rows, closer = _kept(index, query, every.score)
-        return _flanked(every.take(rows), closer), []
     straight, flat = len(every.score), _flat(index, query)
     prior = np.float32(flat * np.log(TURN_SHARE))  # what is known beforehand is not flattened
     rank = np.concatenate((every.score, score_turns(index, query, laid).ravel() + prior))

@@ -71,17 +71,15 @@ class Corner:
     last_m: int
 
 
-def lay(index: MapIndex, query: Query, size: int, tapes: list[int]) -> Laid | None:
+def lay(index: MapIndex, query: Query, size: int, tapes: list[int]) -> Laid:
     """
-    Room for a window's halves; None for a window that is taken to run along one road.
+    Room for a window's halves on the arms.
 
     Args:
         size: Number of the coarse step.
         tapes: Numbers of the tapes that are scored.
     """
     turns = index.turns
-    if not may_turn(index, query):
-        return None
     step_m, level = COARSE_STEPS_M[size], turns.levels[size]
     ends = round(query.length_m / step_m) - 1
     considered: Int[np.ndarray, " turns"] | None = None
