@@ -213,7 +213,14 @@ def arguments(seed: int) -> dict[str, list[object]]:
             *(window.distance_m, rsrp_dbm, [*range(cells)], [0] * cells),
             *(1.0, -95.0, 10.0, block),
         ],
-        "tape": [*over_tape, level.along.rows, level.positions, 4.0, index.likelihood, score],
+        "tape": [
+            *(*over_tape, level.along.rows, level.positions, 4.0, index.likelihood, score),
+            *(np.array([[30, 66], [1, -1], [1, 0]]), np.zeros((2, 3, 5), dtype=np.float32)),
+        ],
+        "turns": [
+            *(np.ones((4, 3, 5), dtype=np.float32), *np.array([[0, 1], [2, 3], [5, 2]])),
+            *(1, 4, index.likelihood, np.empty((2, 5), dtype=np.float32)),
+        ],
         "kept_by_mass": [score, 1.0, 1e-4, 50, np.empty(50, dtype=np.int64)],
         "stretch": [
             *(*over_road, road.along.rows, 1, -1, 3, 7, 1.0, 60.0, index.likelihood),
@@ -253,7 +260,7 @@ def changed(value: object, how: int) -> object:
 @settings(max_examples=200, deadline=None)
 @given(
     SEEDS,
-    st.integers(0, 7),
+    st.integers(0, 8),
     st.integers(0, 13),
     st.integers(0, 155),
     st.none() | st.integers(0, 155),
