@@ -234,28 +234,6 @@ def test_a_wrong_or_broken_file_stores_nothing_and_the_next_is_taken(
     assert len(stored(store)[1]) == 1
 
 
-@pytest.mark.parametrize(
-    ("raw", "complaint"),
-    [
-        (b"<!DOCTYPE html><html>404", "web page"),
-        (DRIVES.encode("utf-16"), "save it as UTF-8"),
-        (gzip.compress(DRIVES.encode())[:200], "gzip is broken"),
-        (gzip.compress(gzip.compress(DRIVES.encode())), "packed twice"),
-        (b"PK\x03\x04" + bytes(90), "zip archive"),
-        (bytes(range(1, 256)), "header of no known table"),
-        (DRIVES.splitlines()[0].encode(), "no rows"),
-        (b"", "empty"),
-    ],
-)
-def test_what_is_no_file_of_drives_is_called_by_its_name(run, store, tmp_path, raw, complaint):
-    """No traceback, whatever the bytes."""
-    path = tmp_path / "drives.csv"
-    path.write_bytes(raw)
-    done = run("import", path, "--data", store, "--no-build")
-    assert done.exit_code == 1
-    assert complaint in " ".join(done.stderr.split())
-
-
 def test_a_drive_with_exchanged_coordinates_is_refused_with_its_line(run, store, tmp_path):
     """The other drives of the file come in."""
     path = tmp_path / "drives.csv"
