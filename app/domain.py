@@ -142,7 +142,7 @@ class RoadModel:
     Attributes:
         mean_dbm: Expected RSRP. Shape ``(grid, cells)``, float32; NaN where the cell is not mapped.
         spread_db: Standard deviation of a new sample about ``mean_dbm``, same shape, float32.
-        heard: Probability that a sample hears the cell, same shape, float32.
+        heard: Probability that a sample of its carrier hears the cell, mapped or not, same shape.
         features: The road-scale features (Eq. 3). Shape ``(5, cells)``.
         evidence: Held-out windows of this road's own passes, for calibration; columns as in
             `app.numerics.evidence_table.COLUMNS`. Shape ``(windows, columns)``, float32.

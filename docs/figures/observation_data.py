@@ -157,6 +157,7 @@ def _on_road(model: RoadModel, mapped: Sequence[Trace], held: Sequence[Driven]) 
         np.concatenate([one.heard for one in passes]),
         size,
         model.step_m,
+        np.zeros(len(model.cells), dtype=np.intp),  # of all samples, whatever they listened to
     )
     for each in held:
         one = _lay(model, each.trace)

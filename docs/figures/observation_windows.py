@@ -194,9 +194,5 @@ def _doubted(model: RoadModel, passes: Sequence[Trace], variance_db2: float) -> 
 @contextmanager
 def _hearing(weight: float) -> Iterator[None]:
     """Another weight of hearing; the constants are read when a window is scored."""
-    unmapped = observation.UNMAPPED / observation.HEARING_WEIGHT * weight
-    with (
-        patch.object(observation, "HEARING_WEIGHT", weight),
-        patch.object(querying, "UNMAPPED", unmapped),
-    ):
+    with patch.object(observation, "HEARING_WEIGHT", weight):
         yield
