@@ -15,7 +15,6 @@ from app.domain import Calibration, Direction, RadioMap, Road, RoadModel, Trace
 from app.evaluation.passes import cut_windows, drive_of
 from app.evaluation.truth import Labelled
 from app.numerics import observation
-from app.numerics import query as querying
 from app.numerics.geodesy import Floats, distance_m
 from app.numerics.index import MapIndex
 from app.numerics.lines import point_at, project
