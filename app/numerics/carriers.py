@@ -9,12 +9,12 @@ heard at a place is unknown there, not absent.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
-NOTHING_KNOWN = 0.5  # chance of a cell whose carrier no survey pass has heard there
+NOTHING_KNOWN = 0.25  # chance of a cell whose carrier no survey pass has heard there
 
 
 def carrier_of(cell: str) -> str:
@@ -33,12 +33,20 @@ def numbers(cells: Sequence[str]) -> Int[np.ndarray, " cells"]:
     return np.array([known.setdefault(carrier_of(c), len(known)) for c in cells], dtype=np.intp)
 
 
-def columns_of(cells: Sequence[str]) -> dict[str, int]:
-    """Number of every cell in a profile of these, then of the stand-in of each carrier."""
-    column = {cell: number for number, cell in enumerate(cells)}
-    for carrier in dict.fromkeys(map(carrier_of, cells)):
-        column[stand_in(carrier)] = len(column)
-    return column
+def carriers_of(cells: Iterable[str], others: Iterable[str] = ()) -> tuple[str, ...]:
+    """The cells' carriers in the order in which they are first named, then ``others``."""
+    return tuple(dict.fromkeys([*map(carrier_of, cells), *others]))
+
+
+def columns_of(cells: Sequence[str], others: Sequence[str] = ()) -> dict[str, int]:
+    """
+    Number of every cell in a profile of these, then of the stand-in of each carrier.
+
+    Args:
+        others: Carriers of other roads, which have stand-ins here, too.
+    """
+    names = [*cells, *map(stand_in, carriers_of(cells, others))]
+    return {name: number for number, name in enumerate(names)}
 
 
 def numbers_in(column: dict[str, int], cells: Sequence[str]) -> list[int]:

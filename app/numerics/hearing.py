@@ -14,7 +14,7 @@ DOUBT_PASSES = 0.7  # samples of a pass hear alike: what other days hear, held-o
 MAPPED_FROM = 0.02  # less than this share of samples about a place: the cell is not mapped there
 LISTENING_M = 25.0  # about a reading, the pass that has it listened to the reading's carrier
 STRANGER_HEARD = 0.012  # of rows hear a cell that many passes never heard there
-DOUBT_STRANGER_PASSES = 0.08  # passes more that heard it half the time: 5 % after one pass
+DOUBT_STRANGER_PASSES = 0.19  # passes more of which nothing is known: 5 % after one pass
 
 
 def heard_probability(

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, RadioMap, RoadModel
 from app.numerics import native
-from app.numerics.carriers import columns_of
+from app.numerics.carriers import carriers_of, columns_of
 from app.numerics.geodesy import Floats, LonLat
 from app.numerics.graph import RoadGraph
 from app.numerics.lines import headings_deg, point_at
@@ -104,6 +104,7 @@ class MapIndex:
         self.road_ids = tuple(road.road_id for road in roads)
         self.lengths_m = np.array([road.length_m for road in roads])
         self.cells = frozenset().union(*(model.cells for model in radio_map.models))
+        self.carriers = _carriers(radio_map.models)
         self.atlas = _draw_atlas(radio_map.models)
         self.lines = tuple(model.line for model in radio_map.models)
         self.graph = RoadGraph.of(self.lines)
@@ -121,7 +122,8 @@ class MapIndex:
     @classmethod
     def build(cls, radio_map: RadioMap) -> MapIndex:
         """Lay out a map version for matching; numpy only, some 10 ms a road."""
-        return cls(radio_map, [_road(i, model) for i, model in enumerate(radio_map.models)])
+        others = _carriers(radio_map.models)
+        return cls(radio_map, [_road(i, model, others) for i, model in enumerate(radio_map.models)])
 
 
 def _grounds(index: MapIndex) -> Grounds:
@@ -129,15 +131,20 @@ def _grounds(index: MapIndex) -> Grounds:
     return Grounds(index.lengths_m, atlas.step_m, atlas.start, atlas.size, atlas.plane[4])
 
 
-def _road(number: int, model: RoadModel) -> RoadIndex:
+def _carriers(models: Sequence[RoadModel]) -> tuple[str, ...]:
+    return carriers_of(sorted({cell for model in models for cell in model.cells}))
+
+
+def _road(number: int, model: RoadModel, others: tuple[str, ...]) -> RoadIndex:
+    surface = (model.mean_dbm, model.spread_db, model.heard)
     return RoadIndex(
         road_id=model.road_id,
         number=number,
         length_m=model.length_m,
         step_m=model.step_m,
         cells=model.cells,
-        column=columns_of(model.cells),
-        along=road_profile(model.cells, model.mean_dbm, model.spread_db, model.heard),
+        column=columns_of(model.cells, others),
+        along=road_profile(model.cells, *surface, others),
         edges_m=np.array([s.start_m for s in model.segments] + [model.length_m]),
         salient=Salient.of(model),
     )
@@ -148,15 +155,21 @@ def road_profile(
     mean_dbm: Float[np.ndarray, "grid cells"],
     spread_db: Float[np.ndarray, "grid cells"],
     heard: Float[np.ndarray, "grid cells"],
+    others: tuple[str, ...] = (),
 ) -> Profile:
-    """Profile of a road's grid with one column outside the road at either end."""
+    """
+    Profile of a road's grid with one column outside the road at either end.
+
+    Args:
+        others: Carriers of other roads.
+    """
     ends = ((1, 1), (0, 0))
     mean, spread, hearing = (
         np.pad(values, ends, constant_values=np.nan) for values in (mean_dbm, spread_db, heard)
     )
     outside = np.zeros(len(mean), dtype=bool)
     outside[[0, -1]] = True
-    return profile(cells, mean, spread, hearing, outside)
+    return profile(cells, mean, spread, hearing, outside, others)
 
 
 def _draw_atlas(models: Sequence[RoadModel]) -> Atlas:

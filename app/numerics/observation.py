@@ -90,6 +90,7 @@ def profile(
     spread_db: Float[np.ndarray, "columns cells"],
     heard: Float[np.ndarray, "columns cells"],
     outside: Bool[np.ndarray, " columns"],
+    others: Sequence[str] = (),
 ) -> Profile:
     """
     The map's side of the likelihood.
@@ -99,6 +100,7 @@ def profile(
         heard: Probability of hearing the cell, given that its carrier is heard; where the cell is
             not mapped, see `app.numerics.hearing.stranger_chance`.
         outside: Columns that are no road; everything else about them must be NaN.
+        others: Carriers of other roads.
     """
     mapped = ~np.isnan(mean_dbm)
     variance = np.where(mapped, spread_db, 1.0) ** 2
@@ -119,13 +121,18 @@ def profile(
         np.where(road, silence[:, carrier], 0.0),
     ]
     columns, count = mean_dbm.shape
-    rows = np.zeros((TERMS * (count + strange.shape[1]) + 1, columns), dtype=np.float32)
+    stand_ins = len(carriers.carriers_of(cells, others))
+    rows = np.zeros((TERMS * (count + stand_ins) + 1, columns), dtype=np.float32)
     for term, values in enumerate(terms):
         rows[term : TERMS * count : TERMS] = values.T
-    rows[TERMS * count + 3 : -1 : TERMS] = np.where(road, _logit(strange), 0.0).T
-    rows[TERMS * count + 4 : -1 : TERMS] = np.where(road, silence, 0.0).T
+    unknown = np.full((columns, stand_ins - strange.shape[1]), carriers.NOTHING_KNOWN)
+    logits = _logit(np.concatenate((strange, unknown), axis=1))
+    rows[TERMS * count + 3 : -1 : TERMS] = np.where(road, logits, 0.0).T
+    rows[TERMS * count + 4 : TERMS * (count + strange.shape[1]) : TERMS] = np.where(
+        road, silence, 0.0
+    ).T
     rows[-1] = outside
-    bend = np.zeros((count + strange.shape[1], columns), dtype=np.float32)
+    bend = np.zeros((count + stand_ins, columns), dtype=np.float32)
     between = mapped[:-1] & mapped[1:]
     steps_db = np.diff(level_db, axis=0)
     bend[:count, :-1] = np.where(between, 0.5 * precision[:-1] * steps_db**2, 0.0).T

@@ -123,7 +123,7 @@ def road_along(index: MapIndex, way: Way, span: tuple[int, int]) -> RoadIndex:
     """
     roads = [index.roads[leg.road] for leg in way.legs] + [index.roads[way.road]]
     cells = tuple(sorted(set().union(*(road.cells for road in roads))))
-    column = columns_of(cells)
+    column = columns_of(cells, index.carriers)
     rows = _rows_along(index, tuple(column), way, span)
     outside = np.zeros((len(rows), 1), dtype=np.float32)
     outside[-1] = 1.0

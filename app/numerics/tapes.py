@@ -20,6 +20,7 @@ from app.domain import RoadModel
 from app.numerics.carriers import (
     NOTHING_KNOWN,
     carrier_of,
+    carriers_of,
     columns_of,
     numbers,
     unmapped_chance,
@@ -98,19 +99,24 @@ def salient_cells(model: RoadModel) -> list[str]:
 
 def lay_tapes(models: Sequence[RoadModel]) -> tuple[Tape, ...]:
     """All roads on tapes, neighbours together."""
-    return tuple(_lay_tape([models[i] for i in group], group) for group in _groups(models))
+    others = carriers_of(sorted({cell for model in models for cell in model.cells}))
+    return tuple(_lay_tape([models[i] for i in group], group, others) for group in _groups(models))
 
 
-def _lay_tape(models: Sequence[RoadModel], group: tuple[int, ...]) -> Tape:
+def _lay_tape(models: Sequence[RoadModel], group: tuple[int, ...], others: tuple[str, ...]) -> Tape:
     cells = sorted({cell for model in models for cell in model.cells})
-    levels = tuple(_lay_level(models, group, cells, step) for step in COARSE_STEPS_M)
+    levels = tuple(_lay_level(models, group, (cells, others), step) for step in COARSE_STEPS_M)
     salient = frozenset(cell for model in models for cell in salient_cells(model))
-    return Tape(group, columns_of(cells), salient, levels)
+    return Tape(group, columns_of(cells, others), salient, levels)
 
 
 def _lay_level(
-    models: Sequence[RoadModel], group: tuple[int, ...], cells: Sequence[str], step_m: float
+    models: Sequence[RoadModel],
+    group: tuple[int, ...],
+    names: tuple[Sequence[str], Sequence[str]],
+    step_m: float,
 ) -> CoarseProfile:
+    cells, others = names
     parts = [_coarse_road(model, cells, step_m) for model in models]
     gap = np.full((GAP, len(cells)), np.nan)
     mean, spread, heard = (
@@ -126,7 +132,7 @@ def _lay_level(
     outside[positions] = False
     return CoarseProfile(
         step_m=step_m,
-        along=profile(cells, mean, spread, heard, outside),
+        along=profile(cells, mean, spread, heard, outside, others),
         positions=positions.astype(np.intp),
         road=np.tile(np.repeat(np.array(group), sizes), 2),
         sign=np.repeat(np.array(BOTH), len(positions)),

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from app.domain import RoadModel, Window
+from app.numerics.carriers import NOTHING_KNOWN
 from app.numerics.observation import (
     BACKGROUND_SPAN_DB,
     BROAD_OFFSET_SD_DB,
@@ -111,16 +112,16 @@ def _one_place(model: RoadModel, one: Reading, at: int, offset_db: float) -> flo
 
 
 def _chance(model: RoadModel, at: int, cell: str) -> float:
-    """Of hearing a cell there, given its carrier; a half where nobody listened to that."""
+    """Of hearing a cell there, given its carrier, to which perhaps nobody listened."""
     alike = [c for c in model.cells if _carrier(c) == _carrier(cell)]
     unmapped = [c for c in alike if math.isnan(model.mean_dbm[at, model.cells.index(c)])]
     if cell in alike and cell not in unmapped:
         chance = float(model.heard[at, model.cells.index(cell)])
         return min(max(chance, HEARD_FLOOR), 1.0 - HEARD_FLOOR)
     if not alike:
-        return 0.5
+        return NOTHING_KNOWN
     known = [float(model.heard[at, model.cells.index(c)]) for c in unmapped]
-    return min(max([HEARD_FLOOR, *known]), 0.5)
+    return min(max([HEARD_FLOOR, *known]), NOTHING_KNOWN)
 
 
 def offset_prior(offset_sd_db: float) -> np.ndarray:
