@@ -18,7 +18,7 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float
 
-from app.domain import Calibration, RadioMap, RoadModel
+from app.domain import Calibration, RadioMap, Reliability, RoadModel
 from app.numerics.evidence_table import HeldOut
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
@@ -31,6 +31,8 @@ from app.numerics.trials import Trial, ask_all, held_out_windows, with_offset
 MIN_WINDOWS = 20  # fewer held-out windows say nothing reliable
 NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
 SMALLEST_OFFSET_SD_DB = 0.5
+HELD = 0.68  # of the truths lie within the radius that clients are told unless they ask otherwise
+MOST_WIDENED = 2.0  # times the position error of the logarithmic score
 RIDGE = 3e-5  # next to nothing: it only stops classes that do not overlap from parting for ever
 
 TEMPERATURES = np.geomspace(0.05, 40.0, 24)
@@ -62,7 +64,27 @@ def calibrate(models: Sequence[RoadModel]) -> Calibration:
         learnt, information_once=once, information_each=each, position_sd_m=position_sd_m
     )
     learnt = replace(learnt, off_map=_log_odds(trials, learnt))
-    return replace(learnt, reliability=reliability(index, trials, learnt))
+    return _wide_enough(index, trials, learnt)
+
+
+def _wide_enough(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -> Calibration:
+    """
+    The calibration with its reliability; its position error is that of the logarithmic score, or
+    as much more, twice at most, as radii need to hold what they say: clocks of days err in tails.
+    """
+    least_m = learnt.position_sd_m
+    told = reliability(index, trials, learnt)
+    for wider_m in POSITION_SDS_M:
+        if not least_m < wider_m <= MOST_WIDENED * least_m or held(told) >= HELD:
+            continue
+        learnt = replace(learnt, position_sd_m=wider_m)
+        told = reliability(index, trials, learnt)
+    return replace(learnt, reliability=told)
+
+
+def held(told: Reliability) -> float:
+    """Share of the truths within the radius that should hold `HELD` of them."""
+    return dict(told.coverage)[HELD]
 
 
 def _offset_sd_db(windows: Sequence[HeldOut]) -> float:
