@@ -69,6 +69,18 @@ def reported() -> Iterator[None]:
         raise typer.Exit(FAULT) from None
 
 
+def file_bar(console: Console, *, transient: bool = False) -> Progress:
+    """A bar of bytes a file; a transient one is gone when all is read."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f}%"),
+        TimeElapsedColumn(),
+        console=console,
+        transient=transient,
+    )
+
+
 def progress_bar(unit: str) -> Progress:
     """A bar that counts ``unit``; a plain terminal or a log gets its end only."""
     return Progress(

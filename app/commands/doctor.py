@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
-from app.commands.console import FAULT, USAGE, err, out
+from app.commands.console import FAULT, USAGE, err, file_bar, out
 from app.commands.examine import Examined, examine
 from app.commands.import_ import zone_of
 from app.commands.verdicts import Verdict, jitter_words, verdicts
@@ -43,7 +42,7 @@ def doctor(
         if not path.exists():
             err.print(f"{path}: no such file", highlight=False, soft_wrap=True)
             raise typer.Exit(USAGE)
-    with _bar() as bar:
+    with file_bar(err, transient=True) as bar:
         for path in paths:
             examine(path, options, examined, bar)
     found = examined.tally.checkup()
@@ -60,18 +59,6 @@ def doctor(
     if found is None:
         err.print("[red]nothing could be read[/]: docs/formats.md has what is known")
         raise typer.Exit(FAULT)
-
-
-def _bar() -> Progress:
-    """A bar a file, gone when all is read."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f}%"),
-        TimeElapsedColumn(),
-        console=err,
-        transient=True,
-    )
 
 
 def _say(verdict: Verdict) -> None:

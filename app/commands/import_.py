@@ -7,7 +7,6 @@ from typing import Annotated
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from app.commands.console import (
@@ -16,6 +15,7 @@ from app.commands.console import (
     Url,
     conclude,
     err,
+    file_bar,
     follow_build,
     open_target,
     out,
@@ -77,7 +77,7 @@ def import_(
         _refuse_missing(path)
     intake = Intake()
     with open_target(url, data) as target:
-        with _bar() as bar:
+        with file_bar(out) as bar:
             for path in paths:
                 take_in(target, path, wishes, intake, bar)
         out.print(_account(intake))
@@ -121,17 +121,6 @@ def _known(format_: str | None) -> str | None:
         err.print(f"--format {format_}: there are {', '.join(FORMATS)}")
         raise typer.Exit(USAGE)
     return format_
-
-
-def _bar() -> Progress:
-    """A bar of bytes a file."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f}%"),
-        TimeElapsedColumn(),
-        console=out,
-    )
 
 
 def _account(intake: Intake) -> Table:

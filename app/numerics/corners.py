@@ -16,7 +16,7 @@ from jaxtyping import Float, Float32, Int
 
 from app.numerics import native
 from app.numerics.index import MapIndex
-from app.numerics.motion import Leg
+from app.numerics.motion import TURN, Leg
 from app.numerics.observation import offset_gain
 from app.numerics.paths import Way, places_along
 from app.numerics.posterior import Places
@@ -26,8 +26,7 @@ from app.numerics.turns import TurnLevel
 
 LEAST_M = 90.0  # shorter windows are explained as well by many turns; 10 s at 30 km/h is shorter
 EDGE_M = 15.0  # nearer to either end of a window a corner tells nothing
-TURN_SHARE = 0.02  # of having turned at a given junction, relative to having come straight: the
-# same as a tracked vehicle's; 0.05 places turns no better and costs 400 m of one street 2 points
+TURN_SHARE = TURN  # of having turned at a given junction, relative to having come straight
 MOST_CORNERS = 6  # turns that are laid metre by metre, the likeliest ones: bounds a query's time
 NEGLIGIBLE = 1e-2  # a turn with less of the coarse posterior than this is not laid
 NEVER = -np.inf

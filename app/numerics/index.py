@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, RadioMap, RoadModel
 from app.numerics import native
-from app.numerics.carriers import carriers_of, columns_of
+from app.numerics.carriers import carrier_of, carriers_of, columns_of
 from app.numerics.geodesy import Floats, LonLat
 from app.numerics.graph import RoadGraph
 from app.numerics.lines import headings_deg, point_at
@@ -95,7 +95,9 @@ class Spot:
 class MapIndex:
     """A whole map version, immutable after `build`."""
 
-    def __init__(self, radio_map: RadioMap, roads: Sequence[RoadIndex]) -> None:
+    def __init__(
+        self, radio_map: RadioMap, roads: Sequence[RoadIndex], carriers: tuple[str, ...]
+    ) -> None:
         self.version = radio_map.version
         self.calibration = radio_map.calibration
         self.offset_prior = OffsetPrior.learnt(radio_map.calibration.offset_sd_db)
@@ -104,11 +106,12 @@ class MapIndex:
         self.road_ids = tuple(road.road_id for road in roads)
         self.lengths_m = np.array([road.length_m for road in roads])
         self.cells = frozenset().union(*(model.cells for model in radio_map.models))
-        self.carriers = _carriers(radio_map.models)
+        self.carrier = {cell: carriers.index(carrier_of(cell)) for cell in self.cells}
+        self.carriers = carriers
         self.atlas = _draw_atlas(radio_map.models)
         self.lines = tuple(model.line for model in radio_map.models)
         self.graph = RoadGraph.of(self.lines)
-        self.tapes = lay_tapes(radio_map.models)
+        self.tapes = lay_tapes(radio_map.models, carriers)
         self.turns = find_turns(self.graph, _grounds(self), self.tapes)
 
     def recalibrated(self, calibration: Calibration) -> MapIndex:
@@ -122,17 +125,15 @@ class MapIndex:
     @classmethod
     def build(cls, radio_map: RadioMap) -> MapIndex:
         """Lay out a map version for matching; numpy only, some 10 ms a road."""
-        others = _carriers(radio_map.models)
-        return cls(radio_map, [_road(i, model, others) for i, model in enumerate(radio_map.models)])
+        models = radio_map.models
+        carriers = carriers_of(sorted({cell for model in models for cell in model.cells}))
+        roads = [_road(number, model, carriers) for number, model in enumerate(models)]
+        return cls(radio_map, roads, carriers)
 
 
 def _grounds(index: MapIndex) -> Grounds:
     atlas = index.atlas
     return Grounds(index.lengths_m, atlas.step_m, atlas.start, atlas.size, atlas.plane[4])
-
-
-def _carriers(models: Sequence[RoadModel]) -> tuple[str, ...]:
-    return carriers_of(sorted({cell for model in models for cell in model.cells}))
 
 
 def _road(number: int, model: RoadModel, others: tuple[str, ...]) -> RoadIndex:

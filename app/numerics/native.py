@@ -83,7 +83,7 @@ def evidence(
     rsrp_dbm: Float[np.ndarray, "samples cells"],
     columns: list[int],
     step_m: float,
-    carrier: Int[np.ndarray, " chosen"],
+    carrier: list[int],
 ) -> tuple[Told, Evidence]:
     """Twin of `app.numerics.observation.evidence` for some columns, in both forms."""
     count = len(columns)
@@ -92,7 +92,7 @@ def evidence(
         np.ascontiguousarray(distance_m, dtype=np.float64),
         np.ascontiguousarray(rsrp_dbm, dtype=np.float64),
         columns,
-        carrier.tolist(),
+        carrier,
         step_m,
         CENTRE_DBM,
         CORRELATION_M,

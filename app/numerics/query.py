@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from app.domain import Calibration, Window
-from app.numerics import native
-from app.numerics.carriers import carrier_of, numbers, stand_in
+from app.numerics import carriers, native
 from app.numerics.index import MapIndex
 from app.numerics.observation import TERMS, Evidence, coefficients, evidence
 from app.numerics.tapes import COARSE_STEPS_M, GAP
@@ -112,12 +111,8 @@ class Query:
 
     def numbers(self, column: dict[str, int]) -> list[int]:
         """Each cell's column, its carrier's stand-in where it has none; -1 = not even that."""
-        pairs = zip(self.cells, self._stand_ins, strict=True)
-        return [column.get(cell, column.get(other, -1)) for cell, other in pairs]
-
-    @cached_property
-    def _stand_ins(self) -> tuple[str, ...]:
-        return tuple([stand_in(carrier_of(cell)) for cell in self.cells])
+        found = [column.get(cell, -1) for cell in self.cells]
+        return found if -1 not in found else carriers.numbers_in(column, self.cells)
 
     def aim_at(self, index: MapIndex, road: int) -> Aim:
         """The window aimed at one road's fine profile; worked out once a road."""
@@ -152,7 +147,8 @@ def ask(index: MapIndex, window: Window, *, in_c: bool = False) -> Query:
     columns = [i for _, i in known]
     if in_c:
         names = _names(known)
-        told, fine = native.evidence(distance_m, rsrp_dbm, columns, FINE_STEP_M, numbers(names))
+        carrier = [index.carrier[cell] for cell in names]
+        told, fine = native.evidence(distance_m, rsrp_dbm, columns, FINE_STEP_M, carrier)
         return Query(names, unknown, len(distance_m), fine, told)
     if columns != list(range(len(window.cells))):
         rsrp_dbm = rsrp_dbm[:, columns]
@@ -174,5 +170,5 @@ def prepare(
     rsrp_dbm: Float[np.ndarray, "samples cells"],
 ) -> Query:
     """A query from readings whose columns are exactly ``cells``."""
-    fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M, numbers(cells))
+    fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M, carriers.numbers(cells))
     return Query(cells, unknown, len(distance_m), fine)

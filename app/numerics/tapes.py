@@ -20,7 +20,6 @@ from app.domain import RoadModel
 from app.numerics.carriers import (
     NOTHING_KNOWN,
     carrier_of,
-    carriers_of,
     columns_of,
     numbers,
     unmapped_chance,
@@ -97,9 +96,13 @@ def salient_cells(model: RoadModel) -> list[str]:
     return [cell for cell, salient in zip(model.cells, chosen.tolist(), strict=True) if salient]
 
 
-def lay_tapes(models: Sequence[RoadModel]) -> tuple[Tape, ...]:
-    """All roads on tapes, neighbours together."""
-    others = carriers_of(sorted({cell for model in models for cell in model.cells}))
+def lay_tapes(models: Sequence[RoadModel], others: tuple[str, ...]) -> tuple[Tape, ...]:
+    """
+    All roads on tapes, neighbours together.
+
+    Args:
+        others: All carriers of the map.
+    """
     return tuple(_lay_tape([models[i] for i in group], group, others) for group in _groups(models))
 
 

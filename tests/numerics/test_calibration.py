@@ -12,11 +12,15 @@ from app.domain import Calibration, RadioMap, Road, Window
 from app.evaluation.scenario import survey, windows
 from app.numerics.answer import fit_of_place
 from app.numerics.calibration import (
+    HELD,
     MIN_WINDOWS,
+    MOST_WIDENED,
     _log_odds,
     _most_probable,
     _offset_sd_db,
+    _wide_enough,
     calibrate,
+    held,
 )
 from app.numerics.evidence_table import COLUMNS, HeldOut, pack, unpack
 from app.numerics.index import MapIndex
@@ -24,9 +28,9 @@ from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.offmap import OFF_MAP_PRIOR, off_map_probability
 from app.numerics.posterior import Places
 from app.numerics.query import ask
-from app.numerics.reliability import auroc
+from app.numerics.reliability import auroc, reliability
 from app.numerics.roadfit import fit_road
-from app.numerics.trials import Trial
+from app.numerics.trials import Trial, ask_all, held_out_windows
 from tests.numerics.cities import city_of, error_m, index_of, models_of
 
 
@@ -78,6 +82,26 @@ def test_the_spread_of_devices_is_learnt(offset_db):
     nothing[3:] = 0.0  # at its truth the map has none of the window's cells
     strange = replace(windows[0], places=Places(windows[0].places.where, nothing))
     assert _offset_sd_db([*windows, strange]) == pytest.approx(offset_db, rel=0.15)
+
+
+def test_radii_are_widened_until_they_hold():
+    """Truths that lie farther off than the likeliest error says widen it, twice at most."""
+    models, learnt = models_of("harsh"), Calibration(position_sd_m=3.0, information_each=20.0)
+    index = MapIndex.build(RadioMap(0, models, learnt))
+    trials = ask_all(index, models, held_out_windows(models)[::6])
+    off = [
+        replace(one, truth=replace(one.truth, chainage_m=one.places.chainage_m[best] + 4.0))
+        for one in trials
+        for best in [int(one.places.score.argmax())]
+        if one.places.road[best] == one.road
+    ]
+    narrow = reliability(index, off, learnt)
+    found = _wide_enough(index, off, learnt)
+    assert held(narrow) < HELD
+    assert 3.0 < found.position_sd_m <= 3.0 * MOST_WIDENED
+    assert held(found.reliability) > held(narrow)
+    enough = replace(learnt, position_sd_m=11.0)
+    assert _wide_enough(index, off, enough).position_sd_m == 11.0
 
 
 def test_too_little_evidence_keeps_the_defaults():
