@@ -41,14 +41,14 @@ class FitParams:
         grid_step_m: Step of the grid on which a serving process sees the curves.
         min_readings: A cell heard in fewer rows has no curve.
         min_rows: Fewer rows on the road make no model.
-        knot_spacing_m: Finest and coarsest distance of spline knots; between them, twice the
-            typical distance of a pass's rows.
+        knot_spacing_m: Finest and coarsest distance of spline knots; between them, the typical
+            distance of a pass's rows.
     """
 
     grid_step_m: float = 1.0
     min_readings: int = 8
     min_rows: int = 8
-    knot_spacing_m: tuple[float, float] = (2.0, 6.0)
+    knot_spacing_m: tuple[float, float] = (1.0, 6.0)
     segmentation: SegmentationParams = field(default_factory=SegmentationParams)
 
 
@@ -132,7 +132,7 @@ def _lay_all(road: Road, every: Sequence[Trace], params: FitParams) -> _Laid:
 def _spacing_m(passes: Sequence[RoadPass], params: FitParams) -> float:
     gaps_m = np.concatenate([np.abs(np.diff(one.chainage_m)) for one in passes])
     finest, coarsest = params.knot_spacing_m
-    return float(np.clip(2.0 * np.median(gaps_m), finest, coarsest))
+    return float(np.clip(np.median(gaps_m), finest, coarsest))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

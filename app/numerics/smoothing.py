@@ -2,22 +2,31 @@
 Positions of a drive without their jitter.
 
 A car's speed changes slowly, a receiver's error does not. The error is read off the fixes' distance
-from the road, to which driving adds nothing; the speed's changes off the fixes' progress along it,
-less what that error explains. The smoothed progress is the maximum a posteriori given both.
+from the road, to which driving adds nothing; how much the speed changes is what makes the fixes'
+progress along the road most probable. The smoothed progress is the maximum a posteriori given both.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import solveh_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from app.numerics.geodesy import Floats
 
 FAINT_M = 0.5  # receivers that filter their own fixes show less; smoothing them again adds nothing
 MIN_FIXES = 8
-SMALLEST_ACCELERATION_MPS2 = 0.8  # of traffic; strong jitter hides less, and a stop must survive
+ACCELERATIONS_MPS2 = tuple(np.geomspace(0.05, 3.2, 13).tolist())  # a steady drive .. a town's
 CALM = 0.6745  # median of |N(0, 1)|: a few sharp turns of the wheel must not count as jitter
+
+
+class _Smoothed(NamedTuple):
+    """Progress without jitter, and how improbable it makes the fixes."""
+
+    progress_m: Floats
+    deviance: float
 
 
 def smooth_chainage(
@@ -45,11 +54,12 @@ def smooth_chainage(
     jitter_m = _spread(second, offset_m[moving], _noise_gain(second))
     if jitter_m < FAINT_M:
         return chainage_m
-    total = _spread(second, chainage_m[moving], np.ones(len(second)))
-    explained = jitter_m * float(np.median(_noise_gain(second)))
-    acceleration = np.sqrt(max(total**2 - explained**2, SMALLEST_ACCELERATION_MPS2**2))
-    smoothed = _solve(second, chainage_m[moving], (jitter_m / float(acceleration)) ** 2)
-    return np.asarray(smoothed[np.cumsum(moving) - 1])
+    tried = [
+        _smoothed(second, chainage_m[moving], jitter_m, acceleration)
+        for acceleration in ACCELERATIONS_MPS2
+    ]
+    best = min(tried, key=lambda one: one.deviance)
+    return np.asarray(best.progress_m[np.cumsum(moving) - 1])
 
 
 def _second_differences(time_s: Floats) -> Float[np.ndarray, "inner 3"]:
@@ -69,12 +79,24 @@ def _spread(second: Floats, values: Floats, gain: Floats) -> float:
     return float(np.median(np.abs((second * triples).sum(axis=1)) / gain)) / CALM
 
 
-def _solve(second: Floats, values: Floats, strength: float) -> Floats:
-    """Pentadiagonal normal equations of the smoother, lower banded."""
-    size = len(values)
+def _smoothed(
+    second: Floats, chainage_m: Floats, jitter_m: float, acceleration_mps2: float
+) -> _Smoothed:
+    """
+    The smoother for one spread of accelerations: pentadiagonal normal equations, lower banded.
+
+    The progress is a Gaussian process known but for its start and speed. With ``P`` the sum of
+    squared second differences and ``s = (sigma / q)^2``, twice the restricted log likelihood is
+    ``-(misfit / sigma^2 + log det(1 + s P) - rank(P) log s)`` and a constant (Wood 2011).
+    """
+    size, strength = len(chainage_m), (jitter_m / acceleration_mps2) ** 2
     banded = np.zeros((3, size))
     banded[0] = 1.0
     for i in range(3):
         for j in range(i, 3):
             banded[j - i, i : size - 2 + i] += strength * second[:, i] * second[:, j]
-    return np.asarray(solveh_banded(banded, values, lower=True))
+    factor = cholesky_banded(banded, lower=True)
+    progress_m = cho_solve_banded((factor, True), chainage_m)
+    misfit = float(chainage_m @ (chainage_m - progress_m)) / jitter_m**2
+    determinant = 2.0 * float(np.log(factor[0]).sum())
+    return _Smoothed(progress_m, misfit + determinant - len(second) * float(np.log(strength)))

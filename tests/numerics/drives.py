@@ -63,9 +63,19 @@ def tour_of(city: City, *legs: Leg, number: int = 0) -> Tour:
         legs_of.append(np.full(int(inside.sum()), place))
     leg, chainage_m = np.concatenate(legs_of), np.concatenate(chainages)
     steps_m = np.abs(np.diff(chainage_m))
-    steps_m[np.diff(leg) != 0] = 1.0
+    for after in (np.flatnonzero(np.diff(leg)) + 1).tolist():
+        steps_m[after - 1] = _round(city, legs[leg[after] - 1], legs[leg[after]], chainage_m, after)
     travelled_m = np.concatenate([[0.0], np.cumsum(steps_m)])
     return Tour(cells, travelled_m, np.concatenate(rows), leg, chainage_m, legs)
+
+
+def _round(city: City, left: Leg, entered: Leg, chainage_m: np.ndarray, after: int) -> float:
+    """Way from a leg's last sample to the next one's first, along both roads to where they meet."""
+    if left.road_id == entered.road_id:
+        return float(abs(chainage_m[after] - chainage_m[after - 1]))
+    end_m = city.by_id[left.road_id].length_m if left.sign > 0 else 0.0
+    start_m = 0.0 if entered.sign > 0 else city.by_id[entered.road_id].length_m
+    return float(abs(end_m - chainage_m[after - 1]) + abs(chainage_m[after] - start_m))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

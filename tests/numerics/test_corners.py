@@ -69,7 +69,7 @@ def test_a_window_round_a_corner_is_found():
         with_turns.append(abs(fix.chainage_m - chainage_m))
         lost = straight.road_id != leg.road_id
         without.append(1e3 if lost else abs(straight.chainage_m - chainage_m))
-    assert max(with_turns) < 4.0  # the tours' corners are a metre short, the places a metre apart
+    assert max(with_turns) < 4.0  # places after a turn are a metre apart
     assert np.mean(with_turns) < 1.5
     assert np.mean(with_turns) < np.mean(without)
 

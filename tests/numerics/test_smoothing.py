@@ -40,6 +40,17 @@ def test_jitter_shrinks_however_the_car_drives(speed, jitter_m):
     assert np.sqrt(np.mean(np.square(errors_m))) < jitter_m * 2 / 3
 
 
+def test_a_steady_speed_shows_through_strong_jitter():
+    """Where the speed hardly changes, all but a third of the jitter goes, whatever its size."""
+    for jitter_m in (1.0, 3.0):
+        errors_m = []
+        for seed in range(8):
+            constant = lambda count: np.full(count, 25.0 / 3.0)  # noqa: E731
+            truth_m, chainage_m, offset_m, time_s = drive(seed, jitter_m, speed=constant)
+            errors_m.append(smooth_chainage(chainage_m, offset_m, time_s) - truth_m)
+        assert np.sqrt(np.mean(np.square(errors_m))) < jitter_m / 3.0
+
+
 def test_a_quiet_receiver_is_left_alone():
     """Where fixes lie within half a metre of a smooth path nothing is changed, bit by bit."""
     _, chainage_m, offset_m, time_s = drive(1, 0.2)
