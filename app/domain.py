@@ -11,6 +11,7 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -249,8 +250,7 @@ class Window:
     rsrp_dbm: Float[np.ndarray, "samples cells"]
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
+class Candidate(NamedTuple):
     """One sub-segment and direction a window may end in, with the best place within it."""
 
     road_id: str

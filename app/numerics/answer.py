@@ -12,6 +12,7 @@ from app.numerics.offmap import fit_per_reading, off_map_probability
 from app.numerics.posterior import RESIDUAL, SCORE, Places, raised
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
+from app.numerics.tapes import BOTH
 
 
 def answer(
@@ -79,17 +80,10 @@ def fit_of_place(index: MapIndex, query: Query, places: Places, place: int) -> f
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:
     """The rivals with what is on the map shared among them."""
     share = on_map / sum([rival[3] for rival in rivals])
+    names, ways = index.road_ids, {sign: _direction(sign) for sign in BOTH}
     return tuple(
         [
-            Candidate(
-                index.road_ids[road],
-                segment,
-                _direction(sign),
-                mass * share,
-                chainage_m,
-                lon,
-                lat,
-            )
+            Candidate(names[road], segment, ways[sign], mass * share, chainage_m, lon, lat)
             for road, segment, sign, mass, chainage_m, lon, lat in rivals
         ]
     )

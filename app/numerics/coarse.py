@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Float32, Int
 
 from app.numerics import native
 from app.numerics.alignment import score_positions
@@ -27,10 +27,10 @@ from app.numerics.corners import (
     worth_laying,
 )
 from app.numerics.index import MapIndex
-from app.numerics.observation import offset_gain
+from app.numerics.observation import TERMS, offset_gain
 from app.numerics.posterior import kept_by_mass
 from app.numerics.query import Query
-from app.numerics.tapes import COARSE_STEPS_M, GAP, CoarseProfile
+from app.numerics.tapes import COARSE_STEPS_M, GAP, CoarsePlaces, CoarseProfile
 
 LEFT_OUT = 1e-4  # share of the coarse posterior that no answer counts
 COARSE_FLATTENING = 2.0  # coarse scores err; flattening them keeps what they would lose
@@ -49,25 +49,36 @@ class Coarse:
         closer: Which of them are worth aligning; None = all.
     """
 
-    road: Int[np.ndarray, " positions"]
-    sign: Int[np.ndarray, " positions"]
-    chainage_m: Float[np.ndarray, " positions"]
+    places: CoarsePlaces
     score: Float[np.ndarray, " positions"]
     step_m: float
     closer: Bool[np.ndarray, " positions"] | None = None
 
     @property
+    def road(self) -> Int[np.ndarray, " positions"]:
+        """Road number."""
+        return self.places.road
+
+    @property
+    def sign(self) -> Int[np.ndarray, " positions"]:
+        """Direction of travel."""
+        return self.places.sign
+
+    @property
+    def chainage_m(self) -> Float[np.ndarray, " positions"]:
+        """Chainage of the window's last sample."""
+        return self.places.chainage_m
+
+    @property
     def beside(self) -> Bool[np.ndarray, " pairs"]:
         """Whether each position and the next are neighbours on a road."""
-        apart_m = np.diff(self.chainage_m)
-        near = (apart_m > 0.0) & (apart_m <= self.step_m)
-        return np.asarray(near & (np.diff(self.road) == 0) & (np.diff(self.sign) == 0))
+        number = self.places.number
+        return np.asarray(number[1:] - number[:-1] == 1)
 
     def take(self, rows: np.ndarray) -> Coarse:
-        """The positions at these indices, or where a mask says so."""
+        """The positions at these indices."""
         closer = None if self.closer is None else self.closer[rows]
-        columns = (self.road[rows], self.sign[rows], self.chainage_m[rows], self.score[rows])
-        return Coarse(*columns, self.step_m, closer)
+        return Coarse(self.places.take(rows), self.score.take(rows), self.step_m, closer)
 
 
 def shortlist(
@@ -171,14 +182,30 @@ def neighbours(
 
 
 def _score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | None) -> Coarse:
+    """All places along the tapes' roads; what the window says on their arms is filled in."""
     size = size_of(query)
-    scored = []
-    for number in tapes:
-        tape = index.tapes[number]
+    levels = [index.tapes[number].levels[size] for number in tapes]
+    every = len(tapes) == len(index.tapes)
+    places = (
+        index.coarse_places[size] if every else CoarsePlaces.join([one.places for one in levels])
+    )
+    score = np.empty(len(places), dtype=np.float32)
+    end = 0
+    for number, level in zip(tapes, levels, strict=True):
+        start, end = end, end + len(level.places)
         arms = None if laid is None else laid.of(number)
-        part = _score_tape(index, query, tape.column, tape.levels[size], arms)
-        scored.append(part)
-    return scored[0] if len(scored) == 1 else _joined(scored)
+        _score_tape(index, query, index.tapes[number].column, level, arms, score[start:end])
+    return Coarse(places, score, COARSE_STEPS_M[size])
+
+
+def merged(
+    factors: Float[np.ndarray, "channels samples rows"],
+) -> Float32[np.ndarray, "channels samples merged"]:
+    """Factors of a `CoarseProfile`'s rows; precise enough to choose what to look at closer."""
+    by_cell = factors[:, :, :-1].reshape(*factors.shape[:2], -1, TERMS)
+    chosen = by_cell[..., [0, 1, 2, 4]] * np.array([1.0, 1.0, -2.0, 1.0])  # C's factor is -h / 2
+    rows = chosen.reshape(*factors.shape[:2], -1)
+    return np.concatenate((rows, factors[:, :, -1:]), axis=2).astype(np.float32)
 
 
 def _score_tape(
@@ -187,35 +214,26 @@ def _score_tape(
     column: dict[str, int],
     level: CoarseProfile,
     arms: LaidArms | None,
-) -> Coarse:
-    """All places along a tape's roads; what the window says on its arms is filled in."""
+    score: Float32[np.ndarray, " places"],
+) -> None:
+    """Fill in the scores of all places along a tape's roads, and what is said on its arms."""
     if query.told is not None:
-        score = native.score_tape(
+        native.score_tape(
             query.aimed(query.told, column),
-            level.along.rows,
+            (level.blocks, level.outside),
             level.positions,
             level.step_m,
             index.likelihood,
+            score,
             () if arms is None else (arms.where, arms.parts),
         )
-        return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
+        return
     aim = query.aim(column, level.step_m, joined=True)
-    rows = level.along.rows if aim.rows is None else level.along.rows[aim.rows]
+    rows = level.rows(aim.cells(len(column)))
     behind = aim.behind[:, None]
     ways = np.concatenate((level.positions - behind, level.positions + behind), axis=1)
-    factors = aim.factors.astype(np.float32)  # precise enough to choose what to look at closer
-    score, residual, weight = score_positions(rows, factors, ways)
-    score += offset_gain(residual, weight, index.offset_prior)
+    factors = merged(aim.factors)
+    plain, residual, weight = score_positions(rows, factors, ways)
+    score[:] = plain + offset_gain(residual, weight, index.offset_prior)
     if arms is not None:
-        score_arms(aim, rows, arms)
-    return Coarse(level.road, level.sign, level.chainage_m, score, level.step_m)
-
-
-def _joined(parts: list[Coarse]) -> Coarse:
-    return Coarse(
-        np.concatenate([part.road for part in parts]),
-        np.concatenate([part.sign for part in parts]),
-        np.concatenate([part.chainage_m for part in parts]),
-        np.concatenate([part.score for part in parts]),
-        parts[0].step_m,
-    )
+        score_arms(factors, aim.behind, rows, arms)

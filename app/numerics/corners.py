@@ -20,7 +20,7 @@ from app.numerics.motion import TURN, Leg
 from app.numerics.observation import offset_gain
 from app.numerics.paths import Way, places_along
 from app.numerics.posterior import Places
-from app.numerics.query import Aim, Query
+from app.numerics.query import Query
 from app.numerics.tapes import COARSE_STEPS_M
 from app.numerics.turns import TurnLevel
 
@@ -91,7 +91,12 @@ def lay(index: MapIndex, query: Query, size: int, tapes: list[int]) -> Laid:
     return Laid(level, step_m, considered, parts)
 
 
-def score_arms(aim: Aim, rows: Float32[np.ndarray, "rows columns"], arms: LaidArms) -> None:
+def score_arms(
+    factors: Float32[np.ndarray, "channels samples rows"],
+    behind: Int[np.ndarray, " samples"],
+    rows: Float32[np.ndarray, "rows columns"],
+    arms: LaidArms,
+) -> None:
     """
     Fill in what the halves of a window say on a tape's arms.
 
@@ -99,13 +104,14 @@ def score_arms(aim: Aim, rows: Float32[np.ndarray, "rows columns"], arms: LaidAr
     past it: on the arm that is driven onto where that is not negative, else on the one before.
 
     Args:
-        rows: Of the tape's profile, as aimed at.
+        behind: Columns of the tape from each sample to the window's end.
+        rows: Of the tape's profile, as the factors have them.
     """
-    each = np.tensordot(aim.factors.astype(np.float32), rows, axes=1)
+    each = np.tensordot(factors, rows, axes=1)
     column, sign, onto = arms.where[:, :, None, None]
-    past = np.arange(1, arms.parts.shape[2] + 1)[:, None] - aim.behind
+    past = np.arange(1, arms.parts.shape[2] + 1)[:, None] - behind
     there = (past >= 0) == (onto == 1)
-    sample = np.arange(len(aim.behind))
+    sample = np.arange(len(behind))
     half = np.where(there, each[:, sample, column + sign * past], 0.0).sum(axis=-1)
     arms.parts[:] = half.swapaxes(0, 1)
 

@@ -77,9 +77,7 @@ class Placed:
 def place(index: MapIndex, query: Query) -> Placed:
     """Both scales, along roads and round corners."""
     kept, corners = shortlists(index, query)
-    return with_corners(
-        index, query, refine(index, query, fine_places(index, query, kept)), corners
-    )
+    return with_corners(index, query, finest_places(index, query, kept), corners)
 
 
 def with_corners(index: MapIndex, query: Query, straight: Places, corners: list[Corner]) -> Placed:
@@ -97,30 +95,45 @@ def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
     Where the window may end: metre by metre along the stretches that are worth it, each stretch
     with its neighbours, and by coarse steps elsewhere.
     """
+    aligned = _aligned(index, query, kept)
+    return _with_others(index, kept, aligned, aligned)
+
+
+def finest_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
+    """`fine_places` with the neighbourhoods of peaks drawn anew (`app.numerics.refinement`)."""
+    aligned = _aligned(index, query, kept)
+    return _with_others(index, kept, aligned, refine(index, query, aligned))
+
+
+def _aligned(index: MapIndex, query: Query, kept: Coarse) -> Places:
     closer = kept.closer
-    stretches = _stretches(index, kept if closer is None else kept.take(closer))
+    stretches = _stretches(index, kept if closer is None else kept.take(closer.nonzero()[0]))
     if query.told is not None:
-        aligned = _lay_stretches(index, query, query.told, stretches)
-    else:
-        parts = [_stretch(index, query, *one) for one in stretches]
-        aligned = parts[0] if len(parts) == 1 else Places.join(parts)
+        return _lay_stretches(index, query, query.told, stretches)
+    parts = [_stretch(index, query, *one) for one in stretches]
+    return parts[0] if len(parts) == 1 else Places.join(parts)
+
+
+def _with_others(index: MapIndex, kept: Coarse, aligned: Places, drawn: Places) -> Places:
+    """
+    The places aligned, as they were drawn, and beside them the coarse positions that are not looked
+    at closer, nor lie beside one that is. A coarse score is no reason to look elsewhere: none is
+    higher than the best place aligned.
+    """
+    closer = kept.closer
     if closer is None or closer.all():
-        return aligned
-    return Places.join((aligned, _elsewhere(index, kept, closer, float(aligned.score.max()))))
-
-
-def _elsewhere(index: MapIndex, kept: Coarse, closer: np.ndarray, highest: float) -> Places:
-    """
-    Coarse positions as places, but for those that are looked at closer, or beside one that is.
-
-    Args:
-        highest: Score of the best place aligned; a coarse score is no reason to look elsewhere.
-    """
-    rest = kept.take(~(closer | neighbours(closer, kept.beside)))
-    values = np.zeros((VALUES, len(rest.score)))
-    values[CHAINAGE] = np.minimum(rest.chainage_m, index.lengths_m[rest.road])
-    values[WIDTH], values[SCORE] = rest.step_m, np.minimum(rest.score, highest)
-    return Places(np.stack((rest.road, rest.sign)), values)
+        return drawn
+    rows = (~(closer | neighbours(closer, kept.beside))).nonzero()[0]
+    rest, count = kept.places.take(rows), len(drawn)
+    places = native.no_places(count + len(rows))
+    where, values = places.where, places.values
+    where[:, :count], values[:, :count] = drawn.where, drawn.values
+    where[0, count:], where[1, count:] = rest.road, rest.sign
+    np.minimum(rest.chainage_m, index.lengths_m.take(rest.road), out=values[CHAINAGE, count:])
+    values[WIDTH, count:] = kept.step_m
+    np.minimum(kept.score.take(rows), aligned.score.max(), out=values[SCORE, count:])
+    values[RESIDUAL:, count:] = 0.0
+    return places
 
 
 def _stretches(index: MapIndex, kept: Coarse) -> list[tuple[int, int, int, int]]:

@@ -30,7 +30,7 @@ try:
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 4  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 5  # a library left by an older version of the code is not used
 
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
@@ -111,22 +111,22 @@ def evidence(
 
 def score_tape(
     aimed: Aimed,
-    rows: Float32[np.ndarray, "rows columns"],
+    profile: tuple[Float32[np.ndarray, "cells blocks 4 16"], Float32[np.ndarray, " columns"]],
     positions: Int[np.ndarray, " positions"],
     step_m: float,
     terms: Likelihood,
+    score: Float32[np.ndarray, " scores"],
     arms: tuple[()] | tuple[Wholes, Float32[np.ndarray, "arms 3 ends"]] = (),
-) -> Float32[np.ndarray, " scores"]:
+) -> None:
     """
-    Scores of all positions of a tape in one direction of travel, then in the other.
+    Fill in scores of all positions of a tape in one direction of travel, then in the other.
 
     Args:
+        profile: Blocks and outside of an `app.numerics.tapes.CoarseProfile`.
         arms: Of the tape's junctions, and the parts to fill in: twin of
             `app.numerics.corners.score_arms`.
     """
-    score = np.empty(2 * len(positions), dtype=np.float32)
-    _native.tape(*aimed, rows, positions, step_m, terms, score, *arms)
-    return score
+    _native.tape(*aimed, *profile, positions, step_m, terms, score, *arms)
 
 
 def score_turns(

@@ -37,6 +37,10 @@ class Aim:
     factors: Float[np.ndarray, "3 samples rows"]
     behind: Int[np.ndarray, " samples"]
 
+    def cells(self, count: int) -> Int[np.ndarray, " chosen"]:
+        """Numbers of the window's cells among the profile's ``count``."""
+        return np.arange(count) if self.rows is None else self.rows[:-1:TERMS] // TERMS
+
 
 @dataclass(frozen=True, eq=False)
 class Query:

@@ -10,11 +10,11 @@ over all readings. No finer profile is needed.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from app.numerics import native
 from app.numerics.index import MapIndex
-from app.numerics.observation import TERMS, Evidence, Profile
+from app.numerics.observation import Evidence, Profile
 from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, WIDTH, Places
 from app.numerics.query import Aim, Query
 
@@ -106,15 +106,10 @@ def bend_along(
     bend = along.bend[:, low : high + 1]
     heard = seen.heard
     if aim.here is not None:
-        bend, heard = bend[_cells_of(aim)], heard[:, aim.here]
+        bend, heard = bend[aim.cells(len(bend))], heard[:, aim.here]
     each = (heard * seen.weight[:, None]) @ bend
     starts = np.arange(0, each.size, each.shape[1])[:, None] - low
     return np.asarray(each.ravel().take(columns + starts).sum(axis=0))
-
-
-def _cells_of(aim: Aim) -> Int[np.ndarray, " chosen"]:
-    assert aim.rows is not None  # noqa: S101  # rows and here are given together
-    return aim.rows[:-1:TERMS] // TERMS
 
 
 def between(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Float32, Int
 from numpy.typing import NDArray
 
 from app.domain import RoadModel
@@ -26,12 +26,49 @@ from app.numerics.carriers import (
 )
 from app.numerics.geodesy import Floats
 from app.numerics.lines import z_order
-from app.numerics.observation import HEARD_FLOOR, Profile, profile
+from app.numerics.observation import HEARD_FLOOR, HEARING_WEIGHT, TERMS, Profile, profile
 
 COARSE_STEPS_M = (4.0, 8.0, 16.0)  # each serves windows up to GAP times as long
 GAP = 26  # empty columns between roads on a tape: a window may reach that far off a road's end
 TAPE_COLUMNS = 1600  # beyond, a tape's matrix product costs more than starting another
+MERGED = 4  # rows of a cell at the coarse scale
+BLOCK = 16  # columns that lie together, the kernels' measure
+NUMBERS = 1 << 32  # more than the columns of any tape
 BOTH = (1, -1)  # directions of travel: towards growing chainage, and against
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoarsePlaces:
+    """
+    What the scores of tapes at one step are of: of each tape all its positions in one direction of
+    travel, then all in the other.
+
+    Attributes:
+        number: Neighbours on a road, and no others, are numbered one by one.
+    """
+
+    road: Int[np.ndarray, " places"]
+    sign: Int[np.ndarray, " places"]
+    chainage_m: Float[np.ndarray, " places"]
+    number: Int[np.ndarray, " places"]
+
+    def __len__(self) -> int:
+        return len(self.road)
+
+    def take(self, rows: np.ndarray) -> CoarsePlaces:
+        """Those at these indices."""
+        columns = (self.road, self.sign, self.chainage_m, self.number)
+        return CoarsePlaces(*[one.take(rows) for one in columns])
+
+    @classmethod
+    def join(cls, parts: Sequence[CoarsePlaces]) -> CoarsePlaces:
+        """All of several tapes, in order."""
+        if len(parts) == 1:
+            return parts[0]
+        columns = zip(
+            *[(one.road, one.sign, one.chainage_m, one.number) for one in parts], strict=True
+        )
+        return cls(*[np.concatenate(column) for column in columns])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,18 +77,30 @@ class CoarseProfile:
     A tape at one step.
 
     Attributes:
-        along: Profile of the tape's cells over all its columns, gaps included.
+        blocks: ``A``, ``B``, ``D`` and ``S`` of the tape's cells over all its columns, gaps
+            included, `BLOCK` columns at a time: what one window needs of a cell lies together.
+            ``D = HEARING_WEIGHT L - C / 2`` for all that counts once for each hearing, the others
+            as in `app.numerics.observation`. Shape ``(cells, blocks, 4, BLOCK)``.
+        outside: 1 where there is no road. Shape ``(columns,)``.
         positions: The columns that are road. Shape ``(positions,)``.
-        road, sign, chainage_m: What each score is of: all positions in one direction of travel,
-            then all in the other. Shape ``(2 positions,)``.
+        places: What each score is of: all positions both ways. Shape ``(2 positions,)``.
     """
 
     step_m: float
-    along: Profile
+    blocks: Float32[np.ndarray, "cells blocks 4 16"]
+    outside: Float32[np.ndarray, " columns"]
     positions: Int[np.ndarray, " positions"]
-    road: Int[np.ndarray, " places"]
-    sign: Int[np.ndarray, " places"]
-    chainage_m: Float[np.ndarray, " places"]
+    places: CoarsePlaces
+
+    @property
+    def columns(self) -> int:
+        """Number of columns, gaps included."""
+        return len(self.outside)
+
+    def rows(self, cells: Int[np.ndarray, " chosen"]) -> Float32[np.ndarray, "rows columns"]:
+        """Of some cells the four rows each, then "outside"."""
+        chosen = self.blocks[cells].swapaxes(1, 2).reshape(-1, self.columns)
+        return np.concatenate((chosen, self.outside[None]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,12 +152,27 @@ def lay_tapes(models: Sequence[RoadModel], others: tuple[str, ...]) -> tuple[Tap
     Args:
         others: All carriers of the map.
     """
-    return tuple(_lay_tape([models[i] for i in group], group, others) for group in _groups(models))
+    return tuple(
+        _lay_tape([models[i] for i in group], group, others, number * NUMBERS)
+        for number, group in enumerate(_groups(models))
+    )
 
 
-def _lay_tape(models: Sequence[RoadModel], group: tuple[int, ...], others: tuple[str, ...]) -> Tape:
+def places_of(tapes: Sequence[Tape]) -> tuple[CoarsePlaces, ...]:
+    """What the scores of all tapes are of, at each of `COARSE_STEPS_M`."""
+    return tuple(
+        CoarsePlaces.join([tape.levels[size].places for tape in tapes])
+        for size in range(len(COARSE_STEPS_M) if tapes else 0)
+    )
+
+
+def _lay_tape(
+    models: Sequence[RoadModel], group: tuple[int, ...], others: tuple[str, ...], first: int
+) -> Tape:
     cells = sorted({cell for model in models for cell in model.cells})
-    levels = tuple(_lay_level(models, group, (cells, others), step) for step in COARSE_STEPS_M)
+    levels = tuple(
+        _lay_level(models, group, (cells, others), step, first) for step in COARSE_STEPS_M
+    )
     salient = frozenset(cell for model in models for cell in salient_cells(model))
     return Tape(group, columns_of(cells, others), salient, levels)
 
@@ -118,29 +182,47 @@ def _lay_level(
     group: tuple[int, ...],
     names: tuple[Sequence[str], Sequence[str]],
     step_m: float,
+    first: int,
 ) -> CoarseProfile:
     cells, others = names
     parts = [_coarse_road(model, cells, step_m) for model in models]
+    sizes = [len(part[0]) for part in parts]
     gap = np.full((GAP, len(cells)), np.nan)
+    rest = np.full((-(GAP + sum(sizes) + GAP * len(sizes)) % BLOCK, len(cells)), np.nan)
     mean, spread, heard = (
-        np.concatenate([gap, *(block for part in parts for block in (part[i], gap))])
+        np.concatenate([gap, *(block for part in parts for block in (part[i], gap)), rest])
         for i in range(3)
     )
-    sizes = [len(part[0]) for part in parts]
     starts = GAP + np.concatenate([[0], np.cumsum(np.array(sizes[:-1], dtype=int) + GAP)])
     positions = np.concatenate(
         [start + np.arange(n) for start, n in zip(starts, sizes, strict=True)]
     )
     outside = np.ones(len(mean), dtype=bool)
     outside[positions] = False
+    positions = positions.astype(np.intp)
+    blocks, at = _in_blocks(profile(cells, mean, spread, heard, outside, others))
     return CoarseProfile(
         step_m=step_m,
-        along=profile(cells, mean, spread, heard, outside, others),
-        positions=positions.astype(np.intp),
-        road=np.tile(np.repeat(np.array(group), sizes), 2),
-        sign=np.repeat(np.array(BOTH), len(positions)),
-        chainage_m=np.tile(np.concatenate([np.arange(n) * step_m for n in sizes]), 2),
+        blocks=blocks,
+        outside=at,
+        positions=positions,
+        places=CoarsePlaces(
+            road=np.tile(np.repeat(np.array(group), sizes), 2),
+            sign=np.repeat(np.array(BOTH), len(positions)),
+            chainage_m=np.tile(np.concatenate([np.arange(n) * step_m for n in sizes]), 2),
+            number=np.concatenate((positions, positions + len(mean))) + first,
+        ),
     )
+
+
+def _in_blocks(
+    along: Profile,
+) -> tuple[Float32[np.ndarray, "cells blocks 4 16"], Float32[np.ndarray, " columns"]]:
+    terms = along.rows[:-1].reshape(-1, TERMS, along.columns)
+    fixed = np.float32(HEARING_WEIGHT) * terms[:, 3] - np.float32(0.5) * terms[:, 2]
+    merged = np.stack((terms[:, 0], terms[:, 1], fixed, terms[:, 4]), axis=1)
+    blocks = merged.reshape(len(merged), MERGED, -1, BLOCK).swapaxes(1, 2)
+    return np.ascontiguousarray(blocks), along.rows[-1].copy()
 
 
 def _coarse_road(

@@ -218,7 +218,7 @@ def _columns_of_roads(
     for tape in tapes:
         level = tape.levels[size]
         numbers, start, own = np.unique(
-            level.road[: len(level.positions)], return_index=True, return_counts=True
+            level.places.road[: len(level.positions)], return_index=True, return_counts=True
         )
         first[numbers], count[numbers] = level.positions[start], own
     return first, count

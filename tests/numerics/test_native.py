@@ -32,8 +32,7 @@ KNOWN = ValueError, TypeError, BufferError, OverflowError
 
 def test_the_kernels_are_built_where_they_can_be():
     """With a compiler and Python's headers, nobody is left with the slow half unawares."""
-    header = Path(sysconfig.get_path("include")) / "Python.h"
-    if shutil.which("cc") is None or not header.exists():
+    if shutil.which("cc") is None or not Path(sysconfig.get_path("include"), "Python.h").exists():
         pytest.skip("no C compiler or no Python.h")
     assert native.BUILT
 
@@ -86,9 +85,11 @@ def test_tapes_are_scored_the_same(seed, stretched, extra):
     fast, plain = ask(index, window, in_c=True), ask(index, window)
     size = next(i for i, step in enumerate(COARSE_STEPS_M) if plain.length_m <= step * (GAP - 1))
     for tape in index.tapes:
-        ours = coarse._score_tape(index, fast, tape.column, tape.levels[size], None)
-        wanted = coarse._score_tape(index, plain, tape.column, tape.levels[size], None)
-        np.testing.assert_allclose(ours.score, wanted.score, **SCORES)
+        level = tape.levels[size]
+        ours, wanted = np.empty((2, len(level.places)), dtype=np.float32)
+        coarse._score_tape(index, fast, tape.column, level, None, ours)
+        coarse._score_tape(index, plain, tape.column, level, None, wanted)
+        np.testing.assert_allclose(ours, wanted, **SCORES)
 
 
 @built
@@ -214,7 +215,15 @@ def arguments(seed: int) -> dict[str, list[object]]:
             *(1.0, -95.0, 10.0, block),
         ],
         "tape": [
-            *(*over_tape, level.along.rows, level.positions, 4.0, index.likelihood, score),
+            *(
+                *over_tape,
+                level.blocks,
+                level.outside,
+                level.positions,
+                4.0,
+                index.likelihood,
+                score,
+            ),
             *(np.array([[30, 66], [1, -1], [1, 0]]), np.zeros((2, 3, 5), dtype=np.float32)),
         ],
         "turns": [

@@ -102,14 +102,14 @@ def test_arms_lie_where_the_turns_are():
             assert off[1:].tolist() == [ways.from_sign[turn], 0]
             columns = index.tapes[index.turns.tape[turn]].levels[size]
             at = int(np.searchsorted(columns.positions, onto[0]))
-            assert columns.road[at] == ways.road[turn]
-            past_m = ways.sign[turn] * (columns.chainage_m[at] - ways.entered_m[turn])
+            assert columns.places.road[at] == ways.road[turn]
+            past_m = ways.sign[turn] * (columns.places.chainage_m[at] - ways.entered_m[turn])
             assert past_m == pytest.approx(level.past_m[turn])
             before = index.tapes[index.turns.from_tape[turn]].levels[size]
             at = int(np.searchsorted(before.positions, off[0]))
-            before_m = ways.from_sign[turn] * (before.chainage_m[at] - ways.left_m[turn])
+            before_m = ways.from_sign[turn] * (before.places.chainage_m[at] - ways.left_m[turn])
             assert abs(before_m - past_m) <= step_m / 2.0 + 1e-6
-            assert GAP <= onto[0] < columns.along.columns - GAP
+            assert GAP <= onto[0] < columns.columns - GAP
 
 
 def test_a_map_without_junctions_has_no_turns():

@@ -136,6 +136,16 @@ Along along(Call *call, char row)
     return (Along){values, NULL, (shape[0] - 1) / TERMS, shape[1]};
 }
 
+Tape tape_of(Call *call)
+{
+    Py_ssize_t shape[4] = {-1, -1, MERGED, BLOCK}, columns[1] = {-1};
+    const float *blocks = array(call, 'f', READ, 4, shape);
+    const float *outside = array(call, 'f', READ, 1, columns);
+    demand(call, columns[0] % BLOCK == 0 && columns[0] / BLOCK == shape[1],
+           "not a column for each of the blocks'");
+    return (Tape){blocks, outside, shape[0], columns[0]};
+}
+
 Likelihood likelihood(Call *call)
 {
     PyObject *given = next(call);

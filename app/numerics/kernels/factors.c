@@ -6,23 +6,22 @@
 
 static int allocate(Factors *f, ptrdiff_t samples, ptrdiff_t cells)
 {
-    size_t indices = (size_t)(samples + cells), numbers = (size_t)(samples * (1 + 4 * cells));
-    f->memory = calloc(1, indices * sizeof(ptrdiff_t) + numbers * sizeof(double));
+    size_t indices = (size_t)(2 * samples + 1), said = (size_t)(samples * cells);
+    f->memory = calloc(1, said * sizeof(Said) + (size_t)samples * sizeof(double) +
+                              indices * sizeof(ptrdiff_t));
     if (f->memory == NULL)
         return OUT_OF_MEMORY;
-    f->outside = f->memory;
-    f->square = f->outside + samples;
-    f->level = f->square + samples * cells;
-    f->heard = f->level + samples * cells;
-    f->share = f->heard + samples * cells;
-    f->behind = (ptrdiff_t *)(f->share + samples * cells);
-    f->row = f->behind + samples;
+    f->said = f->memory;
+    f->outside = (double *)(f->said + said);
+    f->behind = (ptrdiff_t *)(f->outside + samples);
+    f->first = f->behind + samples;
     return 0;
 }
 
-static void add_sample(Factors *f, const Told *told, ptrdiff_t i, const Likelihood *likelihood)
+/* Adds to what the last sample said; `said` has a place for each cell, heard or not. */
+static void add_sample(Factors *f, const Told *told, ptrdiff_t i, const Likelihood *likelihood,
+                       Said *said)
 {
-    ptrdiff_t at = f->samples - 1, k = at * f->cells;
     double all = 0.0;
     for (ptrdiff_t cell = 0; cell < told->cells; cell++) {
         double heard = told->heard[i * told->cells + cell] * told->weight[i];
@@ -30,38 +29,56 @@ static void add_sample(Factors *f, const Told *told, ptrdiff_t i, const Likeliho
         all += heard;
         if (told->numbers[cell] < 0)
             continue;
-        f->square[k] += -0.5 * heard * level_db * level_db;
-        f->level[k] += heard * level_db;
-        f->share[k] += told->share[i * told->cells + cell] * told->weight[i];
-        f->heard[k++] += heard;
+        said->square += -0.5 * heard * level_db * level_db;
+        said->level += heard * level_db;
+        said->share += told->share[i * told->cells + cell] * told->weight[i];
+        said++->heard += heard;
     }
-    f->outside[at] += likelihood->hearing * likelihood->outside_log * all;
+    f->outside[f->samples - 1] += likelihood->hearing * likelihood->outside_log * all;
 }
 
-int aim(Factors *f, const Told *told, const Along *along, double step_m, int joined,
+/* Leaves out the cells that the last sample did not hear; where the next one's begin. */
+static Said *close_sample(Factors *f, const Told *told, Said *said)
+{
+    Said *end = said;
+    for (ptrdiff_t cell = 0, k = 0; cell < told->cells; cell++) {
+        if (told->numbers[cell] < 0)
+            continue;
+        Said one = said[k];
+        said[k++] = (Said){0};
+        one.cell = told->numbers[cell];
+        if (one.heard != 0.0)
+            *end++ = one;
+    }
+    f->first[f->samples] = end - f->said;
+    return end;
+}
+
+int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined,
         const Likelihood *likelihood)
 {
-    ptrdiff_t cells = 0;
+    ptrdiff_t known = 0;
     for (ptrdiff_t cell = 0; cell < told->cells; cell++) {
-        if (told->numbers[cell] >= along->cells)
+        if (told->numbers[cell] >= cells)
             return OUT_OF_BOUNDS;
-        cells += told->numbers[cell] >= 0;
+        known += told->numbers[cell] >= 0;
     }
-    if (allocate(f, told->samples, cells) < 0)
+    if (allocate(f, told->samples, known) < 0)
         return OUT_OF_MEMORY;
     f->samples = 0;
-    f->cells = 0;
     f->hearing = likelihood->hearing;
-    for (ptrdiff_t cell = 0; cell < told->cells; cell++)
-        if (told->numbers[cell] >= 0)
-            f->row[f->cells++] = told->numbers[cell] * TERMS;
+    Said *said = f->said;
     for (ptrdiff_t i = 0; i < told->samples; i++) {
         double behind = rint(told->behind_m[i] * (1.0 / step_m));
         if (!(fabs(behind) < MOST_COLUMNS))
             return OUT_OF_BOUNDS;
-        if (!joined || f->samples == 0 || f->behind[f->samples - 1] != (ptrdiff_t)behind)
+        if (!joined || f->samples == 0 || f->behind[f->samples - 1] != (ptrdiff_t)behind) {
+            said = f->samples == 0 ? said : close_sample(f, told, said);
             f->behind[f->samples++] = (ptrdiff_t)behind;
-        add_sample(f, told, i, likelihood);
+        }
+        add_sample(f, told, i, likelihood, said);
     }
+    if (f->samples > 0)
+        close_sample(f, told, said);
     return 0;
 }

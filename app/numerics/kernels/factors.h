@@ -4,22 +4,29 @@
 
 #include "kernels.h"
 
+/* What one sample says of one cell that it heard: -1/2 h y^2, h y, h and the cell's share. */
+typedef struct {
+    ptrdiff_t cell; /* its number in the profile */
+    double square, level, heard, share;
+} Said;
+
 /*
- * Channel by channel a sample needs only -1/2 h y^2, h y, h and the share of each cell. The fine scale works in
- * double, so that positions are alike on every machine; the coarse one, which only chooses what
- * that looks at, in float.
+ * All samples of a window, and beside them what they heard: of a long window's cells each sample
+ * hears few. The fine scale works in double, so that positions are alike on every machine; the
+ * coarse one, which only chooses what that looks at, in float.
  */
 typedef struct {
-    ptrdiff_t samples, cells;
-    ptrdiff_t *behind, *row;          /* columns; first row of each cell */
-    double *outside;                          /* of each sample */
-    double *square, *level, *heard, *share;   /* of each sample and cell */
+    ptrdiff_t samples;
+    ptrdiff_t *behind; /* columns, of each sample */
+    ptrdiff_t *first;  /* of what each sample said; one more, the end, follows the last */
+    double *outside;   /* of each sample */
+    Said *said;
     double hearing;
     void *memory; /* all of it: to be freed */
 } Factors;
 
 /* Twin of Query.aim; samples of one column are joined when that is wished. */
-int aim(Factors *f, const Told *told, const Along *along, double step_m, int joined,
+int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined,
         const Likelihood *likelihood);
 
 #endif

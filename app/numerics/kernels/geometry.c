@@ -5,8 +5,10 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
-enum { RADII = 17, LANES = 24 }; /* radii are padded to whole vectors */
+#define SURE_SDS 8.0f /* farther is certain to the last bit */
+enum { FEW = 32, RADII = 17, LANES = 24 }; /* radii are padded to whole vectors */
 
 /* Twin of Atlas.spot: the grid position below a chainage, and the share of the way to the next. */
 ptrdiff_t spot(const Atlas *atlas, int64_t road, double chainage_m, double *share)
@@ -31,93 +33,152 @@ double between(const Atlas *atlas, int row, ptrdiff_t low, double share)
     return at[0] + share * (at[1] - at[0]);
 }
 
+/* A candidate's place in an order: small enough to be moved about. */
+typedef struct {
+    double mass;
+    uint64_t key; /* by road, sub-segment and direction, forward first */
+    ptrdiff_t order;
+} Ranked;
+
 static int by_road(const void *left, const void *right)
 {
-    const Candidate *a = left, *b = right;
-    if (a->road != b->road)
-        return a->road < b->road ? -1 : 1;
-    if (a->segment != b->segment)
-        return a->segment < b->segment ? -1 : 1;
-    if (a->sign != b->sign)
-        return a->sign > b->sign ? -1 : 1;
+    const Ranked *a = left, *b = right;
+    if (a->key != b->key)
+        return a->key < b->key ? -1 : 1;
     return (a->order > b->order) - (a->order < b->order);
 }
 
 static int by_mass(const void *left, const void *right)
 {
-    const Candidate *a = left, *b = right;
+    const Ranked *a = left, *b = right;
     if (a->mass != b->mass)
         return a->mass > b->mass ? -1 : 1;
     return by_road(left, right);
 }
 
-static int same(const Candidate *a, const Candidate *b)
+static uint64_t key_of(const Candidate *one)
 {
-    return a->road == b->road && a->segment == b->segment && a->sign == b->sign;
+    return (uint64_t)one->road << 33 | (uint64_t)one->segment << 1 | (uint64_t)(one->sign < 0);
+}
+
+/* Places one after the other in a sub-segment and direction are one entry; how many there are. */
+static ptrdiff_t list_runs(const Places *places, const double *mass, const Atlas *atlas,
+                           Candidate *runs)
+{
+    const double *at_m = places->values + CHAINAGE * places->count;
+    const double *score = places->values + SCORE * places->count;
+    ptrdiff_t count = 0;
+    for (ptrdiff_t i = 0; i < places->count; i++) {
+        double share;
+        int64_t road = places->road[i], sign = places->sign[i] < 0 ? -1 : 1;
+        ptrdiff_t low = spot(atlas, road, at_m[i], &share);
+        if (low < 0)
+            return low;
+        int64_t segment = atlas->segment[low];
+        Candidate *last = runs + count - 1;
+        if (count == 0 || last->road != road || last->segment != segment || last->sign != sign)
+            *++last = (Candidate){road, segment, sign, 0.0, -INFINITY, 0.0};
+        count = last - runs + 1;
+        last->mass += mass[i];
+        if (score[i] > last->score || last->score == -INFINITY) {
+            last->score = score[i];
+            last->chainage_m = at_m[i];
+        }
+    }
+    return count;
 }
 
 /* One a sub-segment and direction, most probable first; ties by road, segment, forward first. */
 ptrdiff_t list_candidates(const Places *places, const double *mass, const Atlas *atlas,
                           Candidate *listed)
 {
-    const double *at_m = places->values + CHAINAGE * places->count;
-    const double *score = places->values + SCORE * places->count;
-    ptrdiff_t runs = 0, count = 0;
-    for (ptrdiff_t i = 0; i < places->count; i++) {
-        double share;
-        ptrdiff_t low = spot(atlas, places->road[i], at_m[i], &share);
-        if (low < 0)
-            return low;
-        Candidate one = {.road = places->road[i], .segment = atlas->segment[low],
-                         .sign = places->sign[i] < 0 ? -1 : 1, .mass = mass[i], .score = score[i],
-                         .chainage_m = at_m[i], .order = i,
-                         .lon = between(atlas, LON, low, share),
-                         .lat = between(atlas, LAT, low, share)};
-        Candidate *last = listed + runs - 1;
-        if (runs == 0 || !same(last, &one)) {
-            listed[runs++] = one;
-            continue;
-        }
-        one.mass += last->mass;
-        one.order = last->order;
-        if (one.score > last->score)
-            *last = one;
-        else
-            last->mass = one.mass;
+    ptrdiff_t runs = list_runs(places, mass, atlas, listed), count = 0;
+    if (runs <= 0)
+        return runs;
+    Ranked *ranked = malloc(sizeof *ranked * (size_t)runs);
+    Candidate *ordered = malloc(sizeof *ordered * (size_t)runs);
+    if (ranked == NULL || ordered == NULL) {
+        free(ranked);
+        free(ordered);
+        return OUT_OF_MEMORY;
     }
-    qsort(listed, (size_t)runs, sizeof *listed, by_road);
+    for (ptrdiff_t i = 0; i < runs; i++)
+        ranked[i] = (Ranked){listed[i].mass, key_of(listed + i), i};
+    qsort(ranked, (size_t)runs, sizeof *ranked, by_road);
     for (ptrdiff_t i = 0; i < runs; i++) {
-        if (count == 0 || !same(listed + count - 1, listed + i)) {
-            listed[count++] = listed[i];
-            continue;
+        if (count > 0 && ranked[count - 1].key == ranked[i].key) {
+            Candidate *best = listed + ranked[count - 1].order;
+            ranked[count - 1].mass += ranked[i].mass;
+            if (listed[ranked[i].order].score > best->score)
+                *best = listed[ranked[i].order];
+        } else {
+            ranked[count++] = ranked[i];
         }
-        double sum = listed[count - 1].mass + listed[i].mass;
-        if (listed[i].score > listed[count - 1].score)
-            listed[count - 1] = listed[i];
-        listed[count - 1].mass = sum;
     }
-    qsort(listed, (size_t)count, sizeof *listed, by_mass);
+    qsort(ranked, (size_t)count, sizeof *ranked, by_mass);
+    for (ptrdiff_t i = 0; i < count; i++) {
+        ordered[i] = listed[ranked[i].order];
+        ordered[i].mass = ranked[i].mass;
+    }
+    memcpy(listed, ordered, sizeof *listed * (size_t)count);
+    free(ranked);
+    free(ordered);
     return count;
 }
 
 typedef struct {
     double away_m, mass, sd_m;
-    ptrdiff_t order;
 } Around;
 
 static int nearer(const void *left, const void *right)
 {
     const Around *a = left, *b = right;
-    if (a->away_m != b->away_m)
-        return a->away_m < b->away_m ? -1 : 1;
-    return (a->order > b->order) - (a->order < b->order);
+    return (a->away_m > b->away_m) - (a->away_m < b->away_m);
+}
+
+/* The distance within which `wanted` of the mass lies; orders no more places than it must. */
+static double middle_m(Around *around, ptrdiff_t count, double wanted)
+{
+    while (count > FEW) {
+        double least = INFINITY, most = -INFINITY, near = 0.0;
+        for (ptrdiff_t i = 0; i < count; i++) {
+            least = fmin(least, around[i].away_m);
+            most = fmax(most, around[i].away_m);
+        }
+        double half = least + 0.5 * (most - least);
+        if (!(half < most))
+            return most; /* all at one distance */
+        ptrdiff_t first = 0, end = count; /* nearer ones to the front */
+        while (first < end) {
+            if (around[first].away_m <= half) {
+                near += around[first++].mass;
+                continue;
+            }
+            Around one = around[first];
+            around[first] = around[--end];
+            around[end] = one;
+        }
+        if (near >= wanted) {
+            count = first;
+        } else {
+            around += first;
+            count -= first;
+            wanted -= near;
+        }
+    }
+    qsort(around, (size_t)count, sizeof *around, nearer);
+    double covered = around[0].mass;
+    ptrdiff_t at = 0;
+    while (at < count - 1 && covered < wanted)
+        covered += around[++at].mass;
+    return around[at].away_m;
 }
 
 /* Standard normal distribution function, within 3e-4 (Page 1977). */
 INLINE float normal_share(float z)
 {
-    z = z > -8.0f ? z : -8.0f;
-    z = z < 8.0f ? z : 8.0f;
+    z = z > -SURE_SDS ? z : -SURE_SDS;
+    z = z < SURE_SDS ? z : SURE_SDS;
     return 1.0f / (1.0f + exponential(-2.0f * z * (0.7978846f + 0.035677f * z * z)));
 }
 
@@ -125,14 +186,24 @@ FOR_EACH_MACHINE
 static void hold(const Around *restrict around, ptrdiff_t count,
                  const double *restrict radii_m, double *restrict held)
 {
+    double within = 0.0; /* all of them */
     for (ptrdiff_t i = 0; i < count; i++) {
         double away_m = around[i].away_m, mass = around[i].mass, per_m = 1.0 / around[i].sd_m;
+        double margin_m = SURE_SDS * around[i].sd_m;
+        if (away_m - margin_m > radii_m[LANES - 1])
+            continue; /* beyond all of them */
+        if (away_m + margin_m < radii_m[0]) {
+            within += mass;
+            continue;
+        }
         for (int r = 0; r < LANES; r++) {
             float near = normal_share((float)((radii_m[r] - away_m) * per_m));
             float far = normal_share((float)((-radii_m[r] - away_m) * per_m));
             held[r] += mass * (double)(near - far);
         }
     }
+    for (int r = 0; r < LANES; r++)
+        held[r] += within;
 }
 
 static double interpolate(double wanted, const double *held, const double *radii_m)
@@ -148,23 +219,17 @@ static double interpolate(double wanted, const double *held, const double *radii
     return radii_m[low] + share * (radii_m[low + 1] - radii_m[low]);
 }
 
-/* Twin of radius_m; around is sorted by distance and not empty. */
-static double radius_around(const Around *around, ptrdiff_t count, double confidence,
+/* Twin of radius_m; around is not empty. */
+static double radius_around(Around *around, ptrdiff_t count, double confidence,
                             double reach_sds)
 {
-    double total = 0.0, covered = 0.0, sd_m = 0.0, radii_m[LANES], held[LANES] = {0};
+    double total = 0.0, sd_m = 0.0, radii_m[LANES], held[LANES] = {0};
     for (ptrdiff_t i = 0; i < count; i++) {
         total += around[i].mass;
         sd_m = around[i].sd_m > sd_m ? around[i].sd_m : sd_m;
     }
-    ptrdiff_t middle = 0;
-    for (; middle < count - 1; middle++) {
-        covered += around[middle].mass;
-        if (covered >= confidence * total)
-            break;
-    }
-    double most_m = around[middle].away_m + reach_sds * sd_m;
-    double least_m = around[middle].away_m - reach_sds * sd_m;
+    double at_m = middle_m(around, count, confidence * total);
+    double most_m = at_m + reach_sds * sd_m, least_m = at_m - reach_sds * sd_m;
     least_m = least_m > 0.0 ? least_m : 0.0;
     for (int r = 0; r < LANES; r++)
         radii_m[r] = least_m + (most_m - least_m) * (r < RADII ? r / (RADII - 1.0) : 1.0);
@@ -191,10 +256,9 @@ int radius(const Places *places, const double *mass, const Atlas *atlas, double 
         double away_m = hypot(between(atlas, X_M, low, share) - x_m,
                               between(atlas, Y_M, low, share) - y_m);
         double variance = width_m[i] * width_m[i] * (1.0 / 12.0) + position_sd_m * position_sd_m;
-        around[count++] = (Around){away_m, mass[i], sqrt(variance), i};
+        around[count++] = (Around){away_m, mass[i], sqrt(variance)};
     }
     if (low >= 0 && count > 0) {
-        qsort(around, (size_t)count, sizeof *around, nearer);
         *radius_m = radius_around(around, count, confidence, 4.0);
     }
     free(around);

@@ -30,6 +30,13 @@ typedef struct {
     ptrdiff_t cells, columns;
 } Along;
 
+/* A tape, BLOCK columns of a cell after the other: app.numerics.tapes.CoarseProfile. */
+enum { BLOCK = 16, MERGED = 4 }; /* columns; A, B, D and S */
+typedef struct {
+    const float *blocks, *outside;
+    ptrdiff_t cells, columns;
+} Tape;
+
 /* The constants of app.numerics.observation and the map's OffsetPrior. */
 typedef struct {
     double hearing, outside_log, like_db2, like_log, any_db2, any_log;
@@ -50,8 +57,7 @@ typedef struct {
 
 typedef struct {
     int64_t road, segment, sign;
-    double mass, score, chainage_m, lon, lat;
-    ptrdiff_t order;
+    double mass, score, chainage_m; /* of its best place, but for the mass */
 } Candidate;
 
 /* Arms of a tape's junctions: app.numerics.turns.Arms; windows end 1 to `ends` columns past them. */
@@ -79,7 +85,7 @@ void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t
                      ptrdiff_t stretches, double *block);
 
 /* tape.c */
-int score_tape(const Told *told, const Along *along, const int64_t *positions, ptrdiff_t count,
+int score_tape(const Told *told, const Tape *tape, const int64_t *positions, ptrdiff_t count,
                double step_m, const Likelihood *likelihood, float *score, const Arms *arms,
                float *parts);
 

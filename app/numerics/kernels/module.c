@@ -57,10 +57,10 @@ static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t giv
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, given == 10 ? 10 : 8)) /* with arms, or without */
+    if (!begin(&call, arguments, given, given == 11 ? 11 : 9)) /* with arms, or without */
         return NULL;
     Told window = told(&call);
-    Along profile = along(&call, 'r');
+    Tape profile = tape_of(&call);
     Py_ssize_t count[1] = {-1};
     const int64_t *positions = array(&call, 'l', READ, 1, count);
     double step_m = number(&call);
@@ -69,7 +69,7 @@ static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t giv
     float *score = array(&call, 'f', WRITE, 1, count);
     Arms arms = {0};
     float *parts = NULL;
-    if (given == 10) {
+    if (given == 11) {
         Py_ssize_t where_shape[2] = {3, -1};
         const int64_t *where = array(&call, 'l', READ, 2, where_shape);
         Py_ssize_t shape[3] = {where_shape[1], 3, -1};
@@ -211,17 +211,34 @@ static PyObject *redrawn(PyObject *self, PyObject *const *arguments, Py_ssize_t 
     return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
 }
 
-static PyObject *list_of(const Candidate *listed, ptrdiff_t count, double negligible)
+/* Road, sub-segment, direction, mass, chainage, longitude and latitude; NULL with an error set. */
+static PyObject *tuple_of(const Candidate *one, const Atlas *map)
 {
-    PyObject *list = PyList_New(0);
-    for (ptrdiff_t i = 0; list != NULL && i < count && listed[i].mass > negligible; i++) {
-        const Candidate *one = listed + i;
-        PyObject *row = Py_BuildValue("nnidddd", (Py_ssize_t)one->road, (Py_ssize_t)one->segment,
-                                      (int)one->sign, one->mass, one->chainage_m, one->lon,
-                                      one->lat);
-        if (row == NULL || PyList_Append(list, row) < 0)
+    double share;
+    ptrdiff_t low = spot(map, one->road, one->chainage_m, &share);
+    double numbers[4] = {one->mass, one->chainage_m, between(map, LON, low, share),
+                         between(map, LAT, low, share)};
+    int64_t wholes[3] = {one->road, one->segment, one->sign};
+    PyObject *tuple = PyTuple_New(7);
+    for (int i = 0; tuple != NULL && i < 7; i++) {
+        PyObject *item = i < 3 ? PyLong_FromLongLong(wholes[i]) : PyFloat_FromDouble(numbers[i - 3]);
+        if (item == NULL || PyTuple_SetItem(tuple, i, item) < 0) /* which takes the item */
+            Py_CLEAR(tuple);
+    }
+    return tuple;
+}
+
+static PyObject *list_of(const Candidate *listed, ptrdiff_t count, const Atlas *map,
+                         double negligible)
+{
+    ptrdiff_t wanted = 0;
+    while (wanted < count && listed[wanted].mass > negligible)
+        wanted++;
+    PyObject *list = PyList_New(wanted);
+    for (ptrdiff_t i = 0; list != NULL && i < wanted; i++) {
+        PyObject *one = tuple_of(listed + i, map);
+        if (one == NULL || PyList_SetItem(list, i, one) < 0)
             Py_CLEAR(list);
-        Py_XDECREF(row);
     }
     return list;
 }
@@ -247,7 +264,7 @@ static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, doub
     double x_m = between(map, X_M, low, share), y_m = between(map, Y_M, low, share);
     double negligible = fmin(options[5], 0.5 * heaviest);
     check(call, radius(all, mass, map, x_m, y_m, options[3], options[4], negligible, &radius_m));
-    PyObject *list = call->failed ? NULL : list_of(listed, count, options[6]);
+    PyObject *list = call->failed ? NULL : list_of(listed, count, map, options[6]);
     if (list == NULL)
         return NULL;
     return Py_BuildValue("ndndddddnN", road, road_mass, peak, chainage_m,
@@ -287,7 +304,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 4);
+    return PyModule_AddIntConstant(module, "VERSION", 5);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

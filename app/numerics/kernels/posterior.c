@@ -5,95 +5,101 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { DIGIT_BITS = 11, DIGITS = 3, BUCKETS = 1 << DIGIT_BITS, FEW = 96 };
+enum { BUCKETS = 1024 };
 
 typedef struct {
-    uint32_t key;
+    float score;
     ptrdiff_t index;
-} Keyed;
+} Scored;
 
-/* Larger floats get smaller keys: both signs, no NaN. */
-static uint32_t key_of(float score)
+/* Higher scores first, equal ones as they stood. */
+static int before(const void *left, const void *right)
 {
-    uint32_t bits;
-    memcpy(&bits, &score, sizeof bits);
-    return bits & 0x80000000u ? bits : ~bits & 0x7fffffffu;
+    const Scored *a = left, *b = right;
+    if (a->score != b->score)
+        return a->score > b->score ? -1 : 1;
+    return (a->index > b->index) - (a->index < b->index);
 }
 
-static void insert_by_key(Keyed *each, ptrdiff_t count)
+/* Places by how far they lie under the top: those of a bucket all outweigh those of the next. */
+typedef struct {
+    double top, per_bucket, temperature, cut;
+    double mass[BUCKETS], total;
+    ptrdiff_t count[BUCKETS];
+} Sorted;
+
+static int bucket_of(const Sorted *sorted, float score)
 {
-    for (ptrdiff_t i = 1; i < count; i++) {
-        Keyed one = each[i];
-        ptrdiff_t at = i;
-        for (; at > 0 && each[at - 1].key > one.key; at--)
-            each[at] = each[at - 1];
-        each[at] = one;
-    }
+    double at = (sorted->top - (double)score) * sorted->per_bucket;
+    return at < BUCKETS - 1 ? (int)at : BUCKETS - 1;
 }
 
-/* Sorts by key, equal keys as they stood; needs room for a copy; where the sorted ones are. */
-static const Keyed *sort_by_key(Keyed *each, Keyed *copy, ptrdiff_t count)
+static void sort_roughly(Sorted *sorted, const float *score, ptrdiff_t count, double temperature)
 {
-    if (count <= FEW) {
-        insert_by_key(each, count);
-        return each;
-    }
-    for (int digit = 0; digit < DIGITS; digit++) {
-        ptrdiff_t starts[BUCKETS + 1] = {0};
-        for (ptrdiff_t i = 0; i < count; i++)
-            starts[((each[i].key >> (digit * DIGIT_BITS)) & (BUCKETS - 1)) + 1]++;
-        for (int bucket = 0; bucket < BUCKETS; bucket++)
-            starts[bucket + 1] += starts[bucket];
-        for (ptrdiff_t i = 0; i < count; i++)
-            copy[starts[(each[i].key >> (digit * DIGIT_BITS)) & (BUCKETS - 1)]++] = each[i];
-        Keyed *sorted = copy;
-        copy = each;
-        each = sorted;
-    }
-    return each;
+    float top = -INFINITY;
+    for (ptrdiff_t i = 0; i < count; i++)
+        top = score[i] > top ? score[i] : top;
+    /* What lies under the cut is a billionth of the total together: not worth its exponentials. */
+    double span = -temperature * log(1e-9 / (double)count);
+    *sorted = (Sorted){.top = top, .per_bucket = BUCKETS / span, .temperature = temperature,
+                       .cut = top - span};
+    for (ptrdiff_t i = 0; i < count; i++)
+        if (score[i] >= sorted->cut) {
+            double mass = exp(((double)score[i] - sorted->top) / temperature);
+            int bucket = bucket_of(sorted, score[i]);
+            sorted->mass[bucket] += mass;
+            sorted->count[bucket]++;
+            sorted->total += mass;
+        }
 }
 
-static int earlier(const void *left, const void *right)
+/* The last place to be kept: the one within a bucket that brings the sum to `wanted`. */
+static Scored last_of_bucket(const Sorted *sorted, int bucket, const float *score, ptrdiff_t count,
+                             double sum, double wanted, ptrdiff_t most, Scored *room)
 {
-    int64_t a = *(const int64_t *)left, b = *(const int64_t *)right;
-    return (a > b) - (a < b);
+    ptrdiff_t found = 0, last = 0;
+    for (ptrdiff_t i = 0; i < count && found < sorted->count[bucket]; i++)
+        if (score[i] >= sorted->cut && bucket_of(sorted, score[i]) == bucket)
+            room[found++] = (Scored){score[i], i};
+    qsort(room, (size_t)found, sizeof *room, before);
+    for (; last < found - 1 && last < most - 1; last++) {
+        sum += exp(((double)room[last].score - sorted->top) / sorted->temperature);
+        if (sum >= wanted)
+            break;
+    }
+    return room[last];
 }
 
 /* Equal scores in the order of their indices. */
 ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, double left_out,
                        ptrdiff_t most, int64_t *kept)
 {
-    Keyed *likely = malloc(2 * sizeof *likely * (size_t)(count > 0 ? count : 1));
-    if (likely == NULL)
-        return OUT_OF_MEMORY;
-    float top = -INFINITY;
-    for (ptrdiff_t i = 0; i < count; i++)
-        top = score[i] > top ? score[i] : top;
-    /* What lies under the cut is a billionth of the total together: not worth its exponentials. */
-    double cut = top + temperature * log(1e-9 / (double)count), total = 0.0, sum = 0.0;
-    ptrdiff_t found = 0, above = 0, enough = 0;
-    for (ptrdiff_t i = 0; i < count; i++)
-        if (score[i] >= cut) {
-            total += exp(((double)score[i] - top) / temperature);
-            likely[found++] = (Keyed){key_of(score[i]), i};
-        }
-    /* Places under the floor hold less than half of left_out together: sort the others only. */
-    double low = top + temperature * log(0.5 * left_out * total / (double)count);
-    for (ptrdiff_t i = 0; i < found; i++)
-        if (score[likely[i].index] >= low)
-            likely[above++] = likely[i];
-    const Keyed *sorted = sort_by_key(likely, likely + count, above);
-    while (enough < above && enough < most) {
-        sum += exp(((double)score[sorted[enough].index] - top) / temperature);
-        kept[enough] = sorted[enough].index;
-        enough++;
-        if (sum >= (1.0 - left_out) * total)
+    Sorted sorted;
+    sort_roughly(&sorted, score, count, temperature);
+    double wanted = (1.0 - left_out) * sorted.total, sum = 0.0;
+    ptrdiff_t enough = 0, found = 0;
+    int bucket = 0;
+    for (; bucket < BUCKETS - 1; bucket++) {
+        if (sum + sorted.mass[bucket] >= wanted || enough + sorted.count[bucket] >= most)
             break;
+        sum += sorted.mass[bucket];
+        enough += sorted.count[bucket];
     }
-    free(likely);
-    if (enough > 1)
-        qsort(kept, (size_t)enough, sizeof *kept, earlier);
-    return enough;
+    if (most <= 0 || enough + sorted.count[bucket] == 0)
+        return 0;
+    Scored last = {-INFINITY, count};
+    if (sorted.count[bucket] > 0) {
+        Scored *room = malloc(sizeof *room * (size_t)sorted.count[bucket]);
+        if (room == NULL)
+            return OUT_OF_MEMORY;
+        last = last_of_bucket(&sorted, bucket, score, count, sum, wanted, most - enough, room);
+        free(room);
+    }
+    for (ptrdiff_t i = 0; i < count && found < most; i++)
+        if (score[i] >= sorted.cut &&
+            (score[i] > last.score || (score[i] == last.score && i <= last.index)))
+            kept[found++] = i;
+    return found;
 }
 
 void share_mass(const Places *places, double temperature, double *mass)

@@ -5,15 +5,13 @@
 #include <math.h>
 #include <stdlib.h>
 
-enum { LANES = 8 };
+enum { LANES = 4 };
 typedef double Lanes __attribute__((vector_size(LANES * sizeof(double))));
-typedef float LooseFloats /* the same wherever it lies */
-    __attribute__((vector_size(LANES * sizeof(float)), aligned(sizeof(float)), may_alias));
 
 INLINE Lanes load(const float *from, int lanes)
 {
     if (lanes == LANES)
-        return __builtin_convertvector(*(const LooseFloats *)from, Lanes);
+        return (Lanes){from[0], from[1], from[2], from[3]}; /* one instruction, where x86 has it */
     Lanes some = {0};
     for (int lane = 0; lane < lanes; lane++)
         some[lane] = from[lane];
@@ -27,19 +25,17 @@ INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdi
     const float *at = along->rows + column, *last = at + along->cells * TERMS * along->columns;
     Lanes score = f->outside[i] * load(last, lanes);
     Lanes residual = {0}, weight = {0}, silence = {0};
-    for (ptrdiff_t cell = 0, k = i * f->cells; cell < f->cells; cell++, k++) {
-        if (f->heard[k] == 0.0)
-            continue; /* most cells are heard in few samples of a long window */
-        const float *row = at + f->row[cell] * along->columns;
+    for (const Said *one = f->said + f->first[i]; one < f->said + f->first[i + 1]; one++) {
+        const float *row = at + one->cell * TERMS * along->columns;
         Lanes precision = load(row, lanes), pull = load(row + along->columns, lanes);
         Lanes fixed = load(row + 2 * along->columns, lanes);
         Lanes logit = load(row + 3 * along->columns, lanes);
         Lanes quiet = load(row + 4 * along->columns, lanes);
-        score += f->square[k] * precision + f->level[k] * pull;
-        residual += f->level[k] * precision - f->heard[k] * pull;
-        weight += f->heard[k] * precision;
-        silence += f->heard[k] * (f->hearing * logit - 0.5 * fixed);
-        silence += f->hearing * f->share[k] * quiet;
+        score += one->square * precision + one->level * pull;
+        residual += one->level * precision - one->heard * pull;
+        weight += one->heard * precision;
+        silence += one->heard * (f->hearing * logit - 0.5 * fixed);
+        silence += f->hearing * one->share * quiet;
     }
     sums[0] += score + silence;
     sums[1] += residual;
@@ -98,7 +94,7 @@ int score_stretch(const Told *told, const Along *along, ptrdiff_t first, ptrdiff
                   double step_m, const Likelihood *likelihood, double *values, ptrdiff_t stride)
 {
     Factors f = {0};
-    int fault = aim(&f, told, along, step_m, 0, likelihood);
+    int fault = aim(&f, told, along->cells, step_m, 0, likelihood);
     if (fault == 0) {
         lay_windows(along, &f, first + 1, count, sign, values, stride);
         for (ptrdiff_t i = 0; i < count; i++)
