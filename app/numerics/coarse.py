@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
@@ -30,7 +31,7 @@ from app.numerics.index import MapIndex
 from app.numerics.observation import TERMS, offset_gain
 from app.numerics.posterior import kept_by_mass
 from app.numerics.query import Query
-from app.numerics.tapes import COARSE_STEPS_M, GAP, CoarsePlaces, CoarseProfile
+from app.numerics.tapes import COARSE_STEPS_M, GAP, NUMBERS, CoarsePlaces, CoarseProfile
 
 LEFT_OUT = 1e-4  # share of the coarse posterior that no answer counts
 COARSE_FLATTENING = 2.0  # coarse scores err; flattening them keeps what they would lose
@@ -95,7 +96,11 @@ def shortlist(
         foreseen: Adds to the scores what is known before the window is heard, see
             `app.numerics.tracking`; it chooses positions and stays out of the scores returned.
     """
-    every = _score_roads(index, query, tapes_of(index, query, without), None)
+    scored = _score_roads(index, query, tapes_of(index, query, without), None)
+    if without is None and foreseen is None:
+        rows, closer = _kept(index, query, scored.score)
+        return _flanked(scored.take(rows), closer)
+    every = scored.all()
     if without is not None:
         every = every.take((every.road != without).nonzero()[0])
     rank = every.score if foreseen is None else foreseen(every).score
@@ -181,21 +186,48 @@ def neighbours(
     return found
 
 
-def _score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | None) -> Coarse:
+@dataclass(frozen=True, slots=True, eq=False)
+class Scored:
+    """
+    The scores of some of a map's tapes, one after the other.
+
+    Attributes:
+        starts: Where each tape's scores begin.
+        firsts: Where its places begin among those of all tapes.
+    """
+
+    every: CoarsePlaces
+    score: Float32[np.ndarray, " positions"]
+    step_m: float
+    starts: Int[np.ndarray, " tapes"]
+    firsts: Int[np.ndarray, " tapes"]
+
+    def take(self, rows: Int[np.ndarray, " chosen"]) -> Coarse:
+        """The positions at these indices, increasing: most are never looked at."""
+        tape = self.starts.searchsorted(rows, side="right") - 1
+        places = self.every.take(rows + (self.firsts - self.starts)[tape])
+        return Coarse(places, self.score.take(rows), self.step_m)
+
+    def all(self) -> Coarse:
+        """All positions."""
+        if len(self.score) == len(self.every):
+            return Coarse(self.every, self.score, self.step_m)
+        return self.take(np.arange(len(self.score)))
+
+
+def _score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | None) -> Scored:
     """All places along the tapes' roads; what the window says on their arms is filled in."""
     size = size_of(query)
     levels = [index.tapes[number].levels[size] for number in tapes]
-    every = len(tapes) == len(index.tapes)
-    places = (
-        index.coarse_places[size] if every else CoarsePlaces.join([one.places for one in levels])
-    )
-    score = np.empty(len(places), dtype=np.float32)
-    end = 0
-    for number, level in zip(tapes, levels, strict=True):
-        start, end = end, end + len(level.places)
+    ends = np.cumsum([0, *[len(level.places) for level in levels]])
+    score = np.empty(int(ends[-1]), dtype=np.float32)
+    bounds = pairwise(ends.tolist())
+    for number, level, (start, end) in zip(tapes, levels, bounds, strict=True):
         arms = None if laid is None else laid.of(number)
         _score_tape(index, query, index.tapes[number].column, level, arms, score[start:end])
-    return Coarse(places, score, COARSE_STEPS_M[size])
+    every = index.coarse_places[size]
+    firsts = every.number.searchsorted(np.array(tapes) * NUMBERS)
+    return Scored(every, score, COARSE_STEPS_M[size], ends[:-1], firsts)
 
 
 def merged(

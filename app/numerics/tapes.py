@@ -44,7 +44,8 @@ class CoarsePlaces:
     travel, then all in the other.
 
     Attributes:
-        number: Neighbours on a road, and no others, are numbered one by one.
+        number: Increasing; neighbours on a road, and no others, are numbered one by one, and those
+            of tape ``i`` from ``i NUMBERS`` on.
     """
 
     road: Int[np.ndarray, " places"]
@@ -63,8 +64,6 @@ class CoarsePlaces:
     @classmethod
     def join(cls, parts: Sequence[CoarsePlaces]) -> CoarsePlaces:
         """All of several tapes, in order."""
-        if len(parts) == 1:
-            return parts[0]
         columns = zip(
             *[(one.road, one.sign, one.chainage_m, one.number) for one in parts], strict=True
         )
