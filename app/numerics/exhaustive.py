@@ -10,9 +10,10 @@ from app.domain import Fix, Window
 from app.numerics.answer import answer
 from app.numerics.corners import every_corner
 from app.numerics.index import MapIndex
-from app.numerics.matching import whole_roads, with_corners
+from app.numerics.matching import with_hypotheses
 from app.numerics.query import ask
 from app.numerics.refinement import refine
+from app.numerics.stretches import whole_roads
 
 
 def locate_exhaustively(
@@ -28,5 +29,5 @@ def locate_exhaustively(
     query = ask(index, window)
     straight = refine(index, query, whole_roads(index, query))
     corners = every_corner(index, query) if turns else []
-    placed = with_corners(index, query, straight, corners)
+    placed = with_hypotheses(index, query, straight, corners)
     return answer(index, query, placed.places, confidence, placed.log_prior)

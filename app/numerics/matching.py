@@ -17,27 +17,25 @@ from jaxtyping import Float
 
 from app.domain import Fix, Window
 from app.numerics import native
-from app.numerics.alignment import align
 from app.numerics.answer import answer
 from app.numerics.coarse import COARSE_FLATTENING, Coarse, neighbours, shortlist, shortlists
 from app.numerics.corners import TURN_SHARE, Corner, places_round_corners
 from app.numerics.index import MapIndex
-from app.numerics.observation import offset_gain
+from app.numerics.odometer import under_other_factors
 from app.numerics.posterior import (
     CHAINAGE,
     RESIDUAL,
     SCORE,
-    VALUES,
-    WEIGHT,
     WIDTH,
     Places,
 )
 from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
-from app.numerics.tapes import BOTH
+from app.numerics.stretches import Stretch, lay
 
 __all__ = ["COARSE_FLATTENING", "Coarse", "fine_places", "locate", "place", "shortlist"]
 
+TURN_LOG = float(np.log(TURN_SHARE))
 JOINED_STEPS = 2.5  # stretches closer than this are aligned in one product
 
 
@@ -77,17 +75,30 @@ class Placed:
 def place(index: MapIndex, query: Query) -> Placed:
     """Both scales, along roads and round corners."""
     kept, corners = shortlists(index, query)
-    return with_corners(index, query, finest_places(index, query, kept), corners)
+    return with_hypotheses(index, query, finest_places(index, query, kept), corners)
 
 
-def with_corners(index: MapIndex, query: Query, straight: Places, corners: list[Corner]) -> Placed:
-    """Places along roads, and beside them those round corners with their prior."""
-    if not corners:
+def with_hypotheses(
+    index: MapIndex, query: Query, straight: Places, corners: list[Corner]
+) -> Placed:
+    """
+    Places along roads, and beside them what else may have happened, each with its prior: the
+    vehicle came round a corner, or its odometer is off.
+    """
+    parts, logs = [straight], [0.0]
+    if corners:
+        parts.append(places_round_corners(index, query, corners))
+        logs.append(TURN_LOG)
+    others = under_other_factors(index, query, straight)
+    if others is not None:
+        logs = [log + others.exact_log for log in logs]
+    elif not corners:
         return Placed(straight, None)
-    turned = places_round_corners(index, query, corners)
-    log_prior = np.zeros(len(straight) + len(turned))
-    log_prior[len(straight) :] = np.log(TURN_SHARE)
-    return Placed(Places.join((straight, turned)), log_prior)
+    log_prior = np.repeat(logs, [len(part) for part in parts])
+    if others is not None:
+        parts.append(others.places)
+        log_prior = np.concatenate((log_prior, others.log_share))
+    return Placed(Places.join(parts), log_prior)
 
 
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
@@ -108,10 +119,7 @@ def finest_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
 def _aligned(index: MapIndex, query: Query, kept: Coarse) -> Places:
     closer = kept.closer
     stretches = _stretches(index, kept if closer is None else kept.take(closer.nonzero()[0]))
-    if query.told is not None:
-        return _lay_stretches(index, query, query.told, stretches)
-    parts = [_stretch(index, query, *one) for one in stretches]
-    return parts[0] if len(parts) == 1 else Places.join(parts)
+    return lay(index, (query,), stretches)
 
 
 def _with_others(index: MapIndex, kept: Coarse, aligned: Places, drawn: Places) -> Places:
@@ -136,7 +144,7 @@ def _with_others(index: MapIndex, kept: Coarse, aligned: Places, drawn: Places) 
     return places
 
 
-def _stretches(index: MapIndex, kept: Coarse) -> list[tuple[int, int, int, int]]:
+def _stretches(index: MapIndex, kept: Coarse) -> list[Stretch]:
     """Road, direction, first and last grid position of every unbroken row of coarse positions."""
     road, sign, chainage_m = kept.road.tolist(), kept.sign.tolist(), kept.chainage_m.tolist()
     reach_m, apart_m = kept.step_m, JOINED_STEPS * kept.step_m
@@ -156,43 +164,3 @@ def _stretches(index: MapIndex, kept: Coarse) -> list[tuple[int, int, int, int]]
         stretches.append((road[start], sign[start], first, last))
         start = end
     return stretches
-
-
-def _lay_stretches(
-    index: MapIndex, query: Query, told: native.Told, stretches: list[tuple[int, int, int, int]]
-) -> Places:
-    """Twin of `_stretch` and `Places.join`."""
-    places = native.no_places(sum([last + 1 - first for _, _, first, last in stretches]))
-    at = 0
-    for one in stretches:
-        road = index.roads[one[0]]
-        aimed, metres = query.aimed(told, road.column), (road.step_m, road.length_m)
-        native.score_stretch(aimed, road.along.rows, one, metres, index.likelihood, places, at)
-        at += one[3] + 1 - one[2]
-    return places
-
-
-def whole_roads(index: MapIndex, query: Query) -> Places:
-    """Every metre of every road in both directions: what `app.numerics.exhaustive` looks at."""
-    return Places.join(
-        [
-            _stretch(index, query, number, sign, 0, road.grid_size - 1)
-            for number, road in enumerate(index.roads)
-            for sign in BOTH
-        ]
-    )
-
-
-def _stretch(
-    index: MapIndex, query: Query, number: int, sign: int, first: int, last: int
-) -> Places:
-    road, aim = index.roads[number], query.aim_at(index, number)
-    score, residual, weight = align(road.along, aim, first + 1, last + 1, sign)
-    values = np.empty((VALUES, last + 1 - first))
-    values[CHAINAGE] = np.arange(first, last + 1) * road.step_m
-    values[WIDTH] = road.step_m
-    values[SCORE] = score + offset_gain(residual, weight, index.offset_prior)
-    values[RESIDUAL], values[WEIGHT] = residual, weight
-    if last == road.grid_size - 1:
-        values[CHAINAGE, -1] = road.length_m
-    return Places(np.full((2, last + 1 - first), ((number,), (sign,))), values)

@@ -9,6 +9,8 @@ over all readings. No finer profile is needed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
@@ -32,30 +34,48 @@ def refine(index: MapIndex, query: Query, places: Places) -> Places:
 
     The new places replace those of the same metres, so that every metre keeps its weight.
     """
-    lowest = LIGHTEST * query.temperature(index.calibration)
+    return refine_each(index, (query,), places)[0]
+
+
+def refine_each(
+    index: MapIndex, queries: Sequence[Query], places: Places
+) -> tuple[Places, list[int]]:
+    """
+    `refine` for the places of several queries at once, the highest peaks of all.
+
+    Args:
+        places: Of one query after the other, as many of each.
+
+    Returns:
+        The places, and how many of them are each query's now.
+    """
+    lowest = LIGHTEST * queries[0].temperature(index.calibration)
+    like_db2, size = index.offset_prior.like_db2, len(places) // len(queries)
+    count = [size] * len(queries)
+    for number, first, end in _peaks(index, queries[0], places, lowest):
+        which = first // size
+        query, road = queries[which], index.roads[number]
+        if query.told is not None:
+            aimed, bend = query.aimed(query.told, road.column), road.along.bend
+            limits = (first, end)
+            places = native.redrawn(aimed, bend, places, limits, PARTS, road.step_m, like_db2)
+        else:
+            row = places.slice(first, end)
+            bend = bend_along(road.along, query.aim_at(index, number), query.fine, row, road.step_m)
+            finer = between(row, bend, like_db2, road.step_m)
+            places = Places.join((places.slice(0, first), finer, places.slice(end, len(places))))
+        count[which] += (PARTS - 1) * (end - first - 1)
+    return places, count
+
+
+def _peaks(
+    index: MapIndex, query: Query, places: Places, lowest: float
+) -> list[tuple[int, int, int]]:
+    """Road, first and end of each row."""
     if query.told is not None:
-        return _refine(index, query, query.told, places, lowest)
-    for first, end in _rows(places, index.atlas.step_m[places.road], lowest):
-        row = places.slice(first, end)
-        road = int(row.road[0])
-        target, aim = index.roads[road], query.aim_at(index, road)
-        bend = bend_along(target.along, aim, query.fine, row, target.step_m)
-        finer = between(row, bend, index.offset_prior.like_db2, target.step_m)
-        places = Places.join((places.slice(0, first), finer, places.slice(end, len(places))))
-    return places
-
-
-def _refine(
-    index: MapIndex, query: Query, told: native.Told, places: Places, lowest: float
-) -> Places:
-    """The same with the kernels in C."""
-    like_db2 = index.offset_prior.like_db2
-    limits = (AROUND, MIN_ROW, MOST_ROWS)
-    for number, first, end in native.rows(places, index.atlas.step_m, lowest, limits):
-        road = index.roads[number]
-        aimed, bend = query.aimed(told, road.column), road.along.bend
-        places = native.redrawn(aimed, bend, places, (first, end), PARTS, road.step_m, like_db2)
-    return places
+        return native.rows(places, index.atlas.step_m, lowest, (AROUND, MIN_ROW, MOST_ROWS))
+    rows = _rows(places, index.atlas.step_m[places.road], lowest)
+    return [(int(places.road[first]), first, end) for first, end in rows]
 
 
 def _rows(

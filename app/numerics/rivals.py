@@ -9,10 +9,11 @@ from app.numerics.coarse import shortlist, shortlists
 from app.numerics.contributions import Place, contributions
 from app.numerics.corners import places_round_corners, way_of
 from app.numerics.index import MapIndex
-from app.numerics.matching import fine_places, whole_roads
+from app.numerics.matching import fine_places
 from app.numerics.posterior import Places
 from app.numerics.query import Query
 from app.numerics.refinement import refine
+from app.numerics.stretches import whole_roads
 from app.numerics.summary import PEAK_M
 
 

@@ -12,14 +12,15 @@ from hypothesis import strategies as st
 from app.domain import Direction, Window
 from app.evaluation.scenario import windows
 from app.numerics import motion, native, tracking
-from app.numerics.coarse import _score_roads, size_of, tapes_of
+from app.numerics.coarse import _score_roads, shortlists, size_of, tapes_of
 from app.numerics.contributions import contributions
 from app.numerics.corners import LEAST_M, every_corner, lay, score_turns, way_of
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.explanation import explain
-from app.numerics.matching import _stretch, locate, place
+from app.numerics.matching import locate
 from app.numerics.paths import Way, places_along
 from app.numerics.query import ask
+from app.numerics.stretches import along
 from app.numerics.wording import sentences
 from tests.numerics.cities import city_of, index_of
 from tests.numerics.drives import Leg, Tour, tour_of
@@ -54,7 +55,7 @@ def corners_of(cells: int, count: int, length_m: float = 150.0):
 
 def scores_along(index, query, number: int, sign: int, at_m: np.ndarray) -> np.ndarray:
     """Scores of whole metres of one road."""
-    every = _stretch(index, query, number, sign, int(at_m.min()), int(at_m.max())).score
+    every = along(index, query, number, sign, int(at_m.min()), int(at_m.max())).score
     return every if sign > 0 else every[::-1]
 
 
@@ -103,11 +104,11 @@ def test_windows_that_do_not_turn_are_answered_as_ever():
 
 
 def test_short_windows_are_not_laid_round_corners():
-    """Under the least length nothing changes, to the last bit."""
+    """Under the least length no turn is looked at."""
     index = index_of(cells=2)
     for window, *_ in corners_of(2, 6, LEAST_M - 2.0):
-        placed = place(index, ask(index, window, in_c=native.BUILT))
-        assert placed.log_prior is None
+        query = ask(index, window, in_c=native.BUILT)
+        assert shortlists(index, query)[1] == every_corner(index, query) == []
 
 
 @pytest.mark.skipif(not native.BUILT, reason="installed without a C compiler")

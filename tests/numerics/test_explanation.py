@@ -13,9 +13,10 @@ from app.numerics.contributions import Place, contributions
 from app.numerics.explanation import Explanation, explain
 from app.numerics.features import feature_matrix
 from app.numerics.index import MapIndex
-from app.numerics.matching import locate, whole_roads
+from app.numerics.matching import locate
 from app.numerics.query import ask
 from app.numerics.refinement import refine
+from app.numerics.stretches import whole_roads
 from app.numerics.wording import sentences
 from tests.numerics.cities import city_of, index_of, models_of
 from tests.numerics.tiny import gentle_models, map_of, tiny_models, window_along

@@ -14,7 +14,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from app.domain import Calibration, RoadModel, Window
-from app.numerics import coarse, matching, native, observation, posterior
+from app.numerics import coarse, native, observation, posterior, stretches
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.query import ask
@@ -129,8 +129,8 @@ def test_stretches_are_scored_the_same(seed, stretched, data):
         last = data.draw(st.integers(first, road.grid_size - 1))
         sign = data.draw(st.sampled_from([1, -1]))
         places.append((road.number, sign, first, last))
-        wanted.append(matching._stretch(index, plain, *places[-1]))
-    ours = matching._lay_stretches(index, fast, fast.told, places)
+        wanted.append(stretches.along(index, plain, *places[-1]))
+    ours = stretches.lay(index, (fast,), places)
     joined = posterior.Places.join(wanted)
     assert (ours.where == joined.where).all()
     np.testing.assert_allclose(ours.values, joined.values, **SCORES)

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.numerics.matching import whole_roads
 from app.numerics.observation import (
     CORRELATION_M,
     OffsetPrior,
@@ -20,6 +19,7 @@ from app.numerics.observation import (
 )
 from app.numerics.posterior import RESIDUAL, WEIGHT
 from app.numerics.query import ask
+from app.numerics.stretches import whole_roads
 from tests.numerics import plain
 from tests.numerics.tiny import map_of, tiny_models, window_along
 

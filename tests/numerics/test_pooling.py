@@ -15,10 +15,11 @@ from app.evaluation.scenario import City, build_city, preset, survey, windows
 from app.evaluation.truth import Labelled
 from app.numerics.geodesy import distance_m
 from app.numerics.index import MapIndex
-from app.numerics.matching import locate, whole_roads
+from app.numerics.matching import locate
 from app.numerics.posterior import masses
 from app.numerics.query import ask
 from app.numerics.roadfit import fit_road
+from app.numerics.stretches import whole_roads
 from tests.numerics.cities import index_with
 
 SEEDS = (21, 22)

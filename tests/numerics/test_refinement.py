@@ -9,10 +9,10 @@ import pytest
 
 from app.domain import Calibration, Window
 from app.numerics.exhaustive import locate_exhaustively
-from app.numerics.matching import whole_roads
 from app.numerics.posterior import masses
 from app.numerics.query import ask
 from app.numerics.refinement import AROUND, PARTS, refine
+from app.numerics.stretches import whole_roads
 from tests.numerics import plain
 from tests.numerics.tiny import gentle_models, map_of
 

@@ -1,0 +1,68 @@
+"""Windows laid metre by metre along stretches of road: a place for every grid position."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from app.numerics import native
+from app.numerics.alignment import align
+from app.numerics.index import MapIndex
+from app.numerics.native import Aimed
+from app.numerics.observation import offset_gain
+from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
+from app.numerics.query import Query
+from app.numerics.tapes import BOTH
+
+Stretch = tuple[int, int, int, int]
+"""Number of the road, +1 or -1 for the direction of travel, first and last grid position."""
+
+
+def lay(index: MapIndex, queries: Sequence[Query], stretches: Sequence[Stretch]) -> Places:
+    """Each query, of the same cells, in turn at every grid position of the stretches."""
+    if queries[0].told is not None:
+        return _lay(index, queries, stretches)
+    parts = [along(index, query, *one) for query in queries for one in stretches]
+    return parts[0] if len(parts) == 1 else Places.join(parts)
+
+
+def _lay(index: MapIndex, queries: Sequence[Query], stretches: Sequence[Stretch]) -> Places:
+    """The same with the kernels in C."""
+    size = sum([last + 1 - first for _, _, first, last in stretches])
+    places, at = native.no_places(size * len(queries)), 0
+    targets = [index.roads[one[0]] for one in stretches]
+    numbers = [queries[0].numbers(road.column) for road in targets]  # of the same cells
+    for query in queries:
+        told = query.told
+        assert told is not None  # noqa: S101  # all queries are of one kind
+        for one, road, cells in zip(stretches, targets, numbers, strict=True):
+            aimed, metres = Aimed(told.block, told.samples, cells), (road.step_m, road.length_m)
+            native.score_stretch(aimed, road.along.rows, one, metres, index.likelihood, places, at)
+            at += one[3] + 1 - one[2]
+    return places
+
+
+def whole_roads(index: MapIndex, query: Query) -> Places:
+    """Every metre of every road in both directions: what `app.numerics.exhaustive` looks at."""
+    return Places.join(
+        [
+            along(index, query, number, sign, 0, road.grid_size - 1)
+            for number, road in enumerate(index.roads)
+            for sign in BOTH
+        ]
+    )
+
+
+def along(index: MapIndex, query: Query, number: int, sign: int, first: int, last: int) -> Places:
+    """One stretch, with numpy: the definition."""
+    road, aim = index.roads[number], query.aim_at(index, number)
+    score, residual, weight = align(road.along, aim, first + 1, last + 1, sign)
+    values = np.empty((VALUES, last + 1 - first))
+    values[CHAINAGE] = np.arange(first, last + 1) * road.step_m
+    values[WIDTH] = road.step_m
+    values[SCORE] = score + offset_gain(residual, weight, index.offset_prior)
+    values[RESIDUAL], values[WEIGHT] = residual, weight
+    if last == road.grid_size - 1:
+        values[CHAINAGE, -1] = road.length_m
+    return Places(np.full((2, last + 1 - first), ((number,), (sign,))), values)

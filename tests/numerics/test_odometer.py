@@ -1,0 +1,136 @@
+"""An odometer that is off by a few per cent costs little, and one that is right next to nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.domain import Window
+from app.evaluation.scenario import windows
+from app.numerics import native, odometer
+from app.numerics.exhaustive import locate_exhaustively
+from app.numerics.matching import finest_places, locate, place, shortlist
+from app.numerics.odometer import FINE, ROUGH, factors_for, multiplied, under_other_factors
+from app.numerics.posterior import masses
+from app.numerics.query import ask
+from tests.numerics.cities import city_of, index_of
+
+WINDOWS = 60
+
+
+def off_by(window: Window, factor: float) -> Window:
+    """The window as a vehicle tells it whose odometer counts so much too far."""
+    return replace(window, distance_m=window.distance_m * factor)
+
+
+def straight_of(index, query):
+    """Places along roads with the window taken at its word."""
+    return finest_places(index, query, shortlist(index, query))
+
+
+def errors_m(factor: float) -> np.ndarray:
+    """Of windows of 30 m ending anywhere, with six cells; the error, and the 95 % radius."""
+    index, out = index_of(), []
+    for window, truth in windows(city_of(), WINDOWS, length_m=30.0):
+        fix = locate(index, off_by(window, factor), confidence=0.95)
+        assert fix.road_id == truth.road_id
+        out.append((abs(fix.chainage_m - truth.chainage_m), fix.accuracy_m))
+    return np.array(out).T
+
+
+def test_shares_of_all_factors_sum_to_one():
+    """Of either list, with the factor 1; the mean factor is 1, its spread the stated one's part."""
+    for factors in (FINE, ROUGH):
+        share = np.exp([one.log_share for one in factors.others])
+        value = np.array([one.value for one in factors.others])
+        assert share.sum() + np.exp(factors.exact_log) == pytest.approx(1.0)
+        assert share @ (value - 1.0) == pytest.approx(0.0, abs=1e-12)
+    spread = np.sqrt(np.exp([one.log_share for one in ROUGH.others]) @ (value - 1.0) ** 2)
+    assert spread == pytest.approx(odometer.SCALE_SD * np.sqrt(1.0 - odometer.EXACT))
+
+
+@pytest.mark.parametrize("factor", [0.97, 1.03])
+def test_a_wrong_odometer_is_seen_through(factor, monkeypatch):
+    """3 % too far or too short: a third less error than without factors, and radii that hold."""
+    error_m, radius_m = errors_m(factor)
+    assert np.mean(error_m <= radius_m) >= 0.85
+    monkeypatch.setattr(odometer, "SCALE_SD", 1e-9)
+    without_m, narrow_m = errors_m(factor)
+    assert error_m.mean() < 2.0 / 3.0 * without_m.mean()
+    assert np.mean(without_m <= narrow_m) < np.mean(error_m <= radius_m)
+
+
+def test_a_right_odometer_pays_little(monkeypatch):
+    """The chance of other factors costs exact windows a fifth of their error at most."""
+    with_m, _ = errors_m(1.0)
+    monkeypatch.setattr(odometer, "SCALE_SD", 1e-9)
+    assert with_m.mean() < 1.2 * errors_m(1.0)[0].mean()
+
+
+def test_the_definition_knows_factors_too():
+    """With an odometer 3 % off, the fast answer stays the definition's, in C and in numpy."""
+    index = index_of(cells=3)
+    for window, _ in windows(city_of(cells=3), 12, length_m=40.0):
+        asked = off_by(window, 1.03)
+        slow = locate_exhaustively(index, asked)
+        for in_c in {False, native.BUILT}:
+            fast = locate(index, asked, in_c=in_c)
+            assert (fast.road_id, fast.direction) == (slow.road_id, slow.direction)
+            assert fast.road_posterior == pytest.approx(slow.road_posterior, abs=2e-3)
+            assert fast.chainage_m == pytest.approx(slow.chainage_m, abs=0.02)
+            assert fast.accuracy_m == pytest.approx(slow.accuracy_m, rel=0.05, abs=0.02)
+
+
+def test_a_place_known_no_better_than_the_factor_moves_it_is_looked_at_once():
+    """Windows of a few metres, and windows that fit everywhere, have no other factors."""
+    index = index_of(cells=1)
+    for window, _ in windows(city_of(cells=1), 10, length_m=4.0):
+        query = ask(index, window)
+        assert place(index, query).log_prior is None
+        straight = straight_of(index, query)
+        assert factors_for(query, straight, query.temperature(index.calibration)) is None
+
+
+def test_narrow_peaks_have_more_factors_than_wide_ones():
+    """What one standard deviation moves the oldest sample by, against the peak's width."""
+    index = index_of()
+    found = set()
+    for length_m in (10.0, 30.0, 100.0):
+        for window, _ in windows(city_of(), 10, length_m=length_m):
+            query = ask(index, window)
+            temperature = query.temperature(index.calibration)
+            told = factors_for(query, straight_of(index, query), temperature)
+            found.add(0 if told is None else len(told.others))
+    assert {len(ROUGH.others), len(FINE.others)} <= found
+
+
+def test_the_true_factor_carries_the_mass():
+    """Of a window whose odometer counts 3 % too far, factors under 1 hold more than those over."""
+    index, below = index_of(), []
+    for window, _ in windows(city_of(), 20, length_m=40.0):
+        query = ask(index, off_by(window, 1.03))
+        others = under_other_factors(index, query, straight_of(index, query))
+        assert others is not None
+        temperature = query.temperature(index.calibration)
+        mass = masses(others.places, temperature) * np.exp(others.log_share)
+        value = np.exp(FINE.others[0].log_share), np.exp(FINE.others[-1].log_share)
+        assert value[0] == pytest.approx(value[1])
+        at = np.flatnonzero(np.diff(others.log_share))[1] + 1  # two factors under 1, then two over
+        below.append(mass[:at].sum() > mass[at:].sum())
+    assert np.mean(below) > 0.8
+
+
+def test_multiplied_windows_keep_their_readings():
+    """Distances alone change, for the kernels as for numpy; the window itself stays as it was."""
+    index = index_of()
+    window, _ = windows(city_of(), 1, length_m=30.0)[0]
+    for in_c in {False, native.BUILT}:
+        query = ask(index, window, in_c=in_c)
+        before_m = query.fine.behind_m.copy()
+        longer = multiplied(query, 1.02)
+        np.testing.assert_array_equal(query.fine.behind_m, before_m)
+        np.testing.assert_allclose(longer.fine.behind_m, 1.02 * before_m)
+        np.testing.assert_array_equal(longer.fine.rsrp_db, query.fine.rsrp_db)
+        assert longer.temperature(index.calibration) == query.temperature(index.calibration)
