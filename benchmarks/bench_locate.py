@@ -36,7 +36,7 @@ SEED = 7
 WINDOW_M = 29.0  # 30 samples at 1 m
 REAL_WINDOWS_M = (30.0, 50.0, 100.0, 200.0, 400.0)
 REAL = Path(__file__).resolve().parents[2] / "shared" / "data" / "santa_monica_att"
-SLOW_WINDOWS = 5  # exhaustive search takes as long as some dozens of fixes
+SLOW_WINDOWS = 15  # exhaustive search takes as long as some dozens of fixes
 TRIED_ROADS = 60  # of a large city: their calibration serves all
 
 Locator = Callable[[MapIndex, Window], Fix]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
@@ -192,25 +192,26 @@ class Scored:
     The scores of some of a map's tapes, one after the other.
 
     Attributes:
-        starts: Where each tape's scores begin.
-        firsts: Where its places begin among those of all tapes.
+        starts: Where each tape's scores begin; None = all tapes were scored.
+        shift: How much farther on its places begin among those of all tapes.
     """
 
     every: CoarsePlaces
     score: Float32[np.ndarray, " positions"]
     step_m: float
-    starts: Int[np.ndarray, " tapes"]
-    firsts: Int[np.ndarray, " tapes"]
+    starts: Int[np.ndarray, " tapes"] | None = None
+    shift: Int[np.ndarray, " tapes"] | None = None
 
     def take(self, rows: Int[np.ndarray, " chosen"]) -> Coarse:
         """The positions at these indices, increasing: most are never looked at."""
-        tape = self.starts.searchsorted(rows, side="right") - 1
-        places = self.every.take(rows + (self.firsts - self.starts)[tape])
-        return Coarse(places, self.score.take(rows), self.step_m)
+        score = self.score.take(rows)
+        if self.starts is not None and self.shift is not None:
+            rows = rows + self.shift[self.starts.searchsorted(rows, side="right") - 1]
+        return Coarse(self.every.take(rows), score, self.step_m)
 
     def all(self) -> Coarse:
         """All positions."""
-        if len(self.score) == len(self.every):
+        if self.starts is None:
             return Coarse(self.every, self.score, self.step_m)
         return self.take(np.arange(len(self.score)))
 
@@ -219,15 +220,18 @@ def _score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | N
     """All places along the tapes' roads; what the window says on their arms is filled in."""
     size = size_of(query)
     levels = [index.tapes[number].levels[size] for number in tapes]
-    ends = np.cumsum([0, *[len(level.places) for level in levels]])
-    score = np.empty(int(ends[-1]), dtype=np.float32)
-    bounds = pairwise(ends.tolist())
-    for number, level, (start, end) in zip(tapes, levels, bounds, strict=True):
+    starts = list(accumulate([len(level.places) for level in levels], initial=0))
+    score = np.empty(starts.pop(), dtype=np.float32)
+    for number, level, start in zip(tapes, levels, starts, strict=True):
         arms = None if laid is None else laid.of(number)
-        _score_tape(index, query, index.tapes[number].column, level, arms, score[start:end])
-    every = index.coarse_places[size]
-    firsts = every.number.searchsorted(np.array(tapes) * NUMBERS)
-    return Scored(every, score, COARSE_STEPS_M[size], ends[:-1], firsts)
+        own = score[start : start + len(level.places)]
+        _score_tape(index, query, index.tapes[number].column, level, arms, own)
+    every, step_m = index.coarse_places[size], COARSE_STEPS_M[size]
+    if len(tapes) == len(index.tapes):
+        return Scored(every, score, step_m)
+    first = np.array(starts)
+    shift = every.number.searchsorted(np.array(tapes) * NUMBERS) - first
+    return Scored(every, score, step_m, first, shift)
 
 
 def merged(
