@@ -6,7 +6,8 @@ Tracking along whole test passes of real streets, beside the same windows locate
 FOLDER is a data set (docs/datasets.md); where it is absent the benchmark says so and ends. The map
 is fitted from the survey passes. Windows lie back to back unless the step is another one; figures
 are of each pass's second window on, an off-map answer counts as wrong and is as far off as its best
-place.
+place. "Whole" asks for all that the pass has driven so far as one window: what no memory of windows
+can surpass by much.
 """
 
 from __future__ import annotations
@@ -64,17 +65,17 @@ def main() -> None:
         return
     data = load(chosen.folder)
     index = fitted(data)
-    rows: dict[str, list[Row]] = {"alone": [], "tracked": []}
+    rows: dict[str, list[Row]] = {"alone": [], "tracked": [], "whole": []}
     for drive in data.tests:
-        for alone, tracked in follow(index, drive, chosen.length_m, chosen.step_m):
-            rows["alone"].append(alone)
-            rows["tracked"].append(tracked)
+        for each in follow(index, drive, chosen.length_m, chosen.step_m):
+            for name, row in zip(rows, each, strict=True):
+                rows[name].append(row)
     print(
         f"{len(data.tests)} test passes of {chosen.folder.name}, windows of {chosen.length_m:g} m "
         f"every {chosen.step_m:g} m, from the second one on"
     )
-    for name, each in rows.items():
-        print(described(name, each))
+    for name, kept in rows.items():
+        print(described(name, kept))
 
 
 def fitted(data: RealData) -> MapIndex:
@@ -88,8 +89,8 @@ def fitted(data: RealData) -> MapIndex:
 
 def follow(
     index: MapIndex, drive: Drive, length_m: float, step_m: float
-) -> Iterator[tuple[Row, Row]]:
-    """Rows alone and tracked of each window of a drive but the first."""
+) -> Iterator[tuple[Row, Row, Row]]:
+    """Rows alone, tracked and whole of each window of a drive but the first."""
     belief, before = None, 0
     for last, one in windows(drive, length_m, step_m):
         started = time.perf_counter()
@@ -103,7 +104,14 @@ def follow(
             tracked = tracking.follow(index, one.window, belief, since_m)
             tracked_s = time.perf_counter() - started
             belief = tracked.belief
-            yield Row.of(fix, one.truth, alone_s), Row.of(tracked.fix, one.truth, tracked_s)
+            started = time.perf_counter()
+            whole = matching.locate(index, window_of(drive, 0, last).window)
+            whole_s = time.perf_counter() - started
+            yield (
+                Row.of(fix, one.truth, alone_s),
+                Row.of(tracked.fix, one.truth, tracked_s),
+                Row.of(whole, one.truth, whole_s),
+            )
         before = last
 
 
