@@ -211,7 +211,7 @@ class Calibration:
     information_each: float = 1.0
     offset_sd_db: float = 1.0
     position_sd_m: float = 0.0
-    off_map: tuple[float, float, float, float] = (4.0, 2.0, 0.0, 0.0)
+    off_map: tuple[float, ...] = (4.0, 2.0, 0.0, 0.0)
     window_count: int = 0
     reliability: Reliability = Reliability()
 

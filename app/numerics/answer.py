@@ -8,7 +8,7 @@ from jaxtyping import Float
 from app.domain import Candidate, Direction, Fix
 from app.numerics.index import MapIndex
 from app.numerics.observation import offset_db
-from app.numerics.offmap import fit_per_reading, off_map_probability
+from app.numerics.offmap import Fit, best_fit, off_map_probability
 from app.numerics.posterior import RESIDUAL, SCORE, Places, raised
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
@@ -69,12 +69,12 @@ def answer(
     )
 
 
-def fit_of_place(index: MapIndex, query: Query, places: Places, place: int) -> float | None:
+def fit_of_place(index: MapIndex, query: Query, places: Places, place: int) -> Fit | None:
     """How well the window fits at a place; None when the map knows none of its cells."""
     if not query.cells:
         return None
     score, residual, weight = places.values[SCORE:, place].tolist()
-    return fit_per_reading(score, residual, weight, index.offset_prior, query.fine)
+    return best_fit(score, residual, weight, index.offset_prior, query.fine)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

@@ -22,8 +22,8 @@ from app.domain import Calibration, RadioMap, Reliability, RoadModel
 from app.numerics.evidence_table import HeldOut
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
-from app.numerics.observation import OffsetPrior
-from app.numerics.offmap import OFF_MAP_PRIOR, off_map_terms
+from app.numerics.observation import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetPrior
+from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_terms
 from app.numerics.posterior import RESIDUAL, WEIGHT, masses
 from app.numerics.reliability import reliability
 from app.numerics.trials import Trial, ask_all, held_out_windows, with_offset
@@ -33,6 +33,7 @@ NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err 
 SMALLEST_OFFSET_SD_DB = 0.5
 HELD = 0.68  # of the truths lie within the radius that clients are told unless they ask otherwise
 MOST_WIDENED = 2.0  # times the position error of the logarithmic score
+QUARTERS = (0.31864, 1.15035)  # middles of the two halves of |N(0, 1)|
 RIDGE = 3e-5  # next to nothing: it only stops classes that do not overlap from parting for ever
 
 TEMPERATURES = np.geomspace(0.05, 40.0, 24)
@@ -165,36 +166,65 @@ def _nearness(miss_m: Floats, width_m: Floats, sd_m: float) -> Floats:
     return np.asarray(np.exp(-0.5 * (miss_m / spread_m) ** 2) / (spread_m * np.sqrt(2.0 * np.pi)))
 
 
-def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, float, float, float]:
+def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]:
     """
     Log odds of being on the map, both classes weighing alike, then shifted by `OFF_MAP_PRIOR`.
 
     Logistic regression by Newton's method, with a small ridge so that classes that do not overlap
-    end at a finite slope.
+    end at a finite slope. Surveys are often driven with one device, vehicles are not: a share of
+    the windows on the map counts as heard by devices unlike the surveys', and an offset is never
+    worse evidence than a Cauchy density against an even one.
     """
-    told = [(one, one.information(learnt)) for one in trials]
-    on = [off_map_terms(one.fit, much) for one, much in told if one.fit is not None]
-    off = [
-        off_map_terms(one.stranger_fit, much) for one, much in told if one.stranger_fit is not None
-    ]
+    on: list[tuple[tuple[float, ...], float]] = []
+    off: list[tuple[tuple[float, ...], float]] = []
+    for one in trials:
+        much, measured = one.information(learnt), one.truth.measured
+        if one.fit is not None:
+            on += [
+                (off_map_terms(fit, much), w)
+                for fit, w in _of_any_device(one.fit, measured=measured)
+            ]
+        if one.stranger_fit is not None:
+            fit = one.stranger_fit if measured else one.stranger_fit._replace(offset_db=0.0)
+            off.append((off_map_terms(fit, much), 1.0))
     if not on or not off:
         return Calibration().off_map
-    terms = np.array(on + off)
+    terms = np.array([each for each, _ in on + off])
     label = np.concatenate([np.ones(len(on)), np.zeros(len(off))])
-    weight = np.where(label > 0, 0.5 / len(on), 0.5 / len(off))
+    weight = np.array([each for _, each in on + off])
+    weight *= np.where(label > 0, 0.5 / weight[: len(on)].sum(), 0.5 / len(off))
     centre, scale = terms.mean(axis=0), terms.std(axis=0) + 1e-9
     centre[0], scale[0] = 0.0, 1.0
-    theta = _newton((terms - centre) / scale, label, weight)
+    design = (terms - centre) / scale
+    theta = _newton(design, label, weight, np.zeros(len(label)))
+    strange = float(np.clip(theta[-1], -scale[-1], 0.0))
+    if strange != theta[-1]:
+        theta = np.append(_newton(design[:, :-1], label, weight, strange * design[:, -1]), strange)
     slopes = theta / scale
     slopes[0] -= float(slopes[1:] @ centre[1:]) + np.log(OFF_MAP_PRIOR / (1.0 - OFF_MAP_PRIOR))
     return tuple(slopes.tolist())
 
 
-def _newton(design: Floats, label: Floats, weight: Floats) -> Floats:
+def _of_any_device(fit: Fit, *, measured: bool) -> list[tuple[Fit, float]]:
+    """A window's fit, had it been heard by devices of the prior; drawn ones tell no offset."""
+    if not measured:
+        return [(fit._replace(offset_db=0.0), 1.0)]
+    share = BROAD_OFFSET_SHARE / len(QUARTERS)
+    others = [(fit._replace(offset_db=BROAD_OFFSET_SD_DB * z), share) for z in QUARTERS]
+    return [(fit, 1.0 - BROAD_OFFSET_SHARE), *others]
+
+
+def _newton(design: Floats, label: Floats, weight: Floats, given: Floats) -> Floats:
+    """
+    Coefficients of a logistic regression.
+
+    Args:
+        given: Log odds that are known beforehand, of each row.
+    """
     ridge = RIDGE * np.array([1e-6, *np.ones(design.shape[1] - 1)])
     theta = np.zeros(design.shape[1])
     for _ in range(30):
-        chance = 1.0 / (1.0 + np.exp(-np.clip(design @ theta, -50.0, 50.0)))
+        chance = 1.0 / (1.0 + np.exp(-np.clip(design @ theta + given, -50.0, 50.0)))
         gradient = design.T @ (weight * (label - chance)) - ridge * theta
         hessian = (design.T * (weight * chance * (1.0 - chance))) @ design + np.diag(ridge)
         theta = theta + np.linalg.solve(hessian, gradient)

@@ -251,7 +251,7 @@ def _shares(
 
 
 def _fit(query: Query, told: Contributions) -> float:
-    """`app.numerics.offmap.fit_per_reading` at the place."""
+    """`app.numerics.offmap.Fit.per_reading` at the place."""
     readings = float((query.fine.weight @ query.fine.heard).sum())
     free = 0.5 * told.residual**2 / max(told.weight, 1e-6)
     return (told.score - told.gain + free) / max(readings, 1e-6)

@@ -1,13 +1,15 @@
 """
 Whether a window comes from the map's roads at all.
 
-A logistic curve of how well it fits there, learnt from windows that are on the map and windows that
-the map cannot know, see `app.numerics.calibration`.
+A logistic curve of how well it fits there, and of how loud the device would have to be for it,
+learnt from windows that are on the map and windows that the map cannot know, see
+`app.numerics.calibration`.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,22 +17,41 @@ from app.domain import Calibration
 from app.numerics.observation import Evidence, OffsetPrior, offset_gain_at
 
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
+TYPICAL_DB = 1.0  # devices of one kind differ by about so much
 OFF_MAP_PRIOR = 0.05  # the largest tried that refuses under 2 % of held-out survey windows
 
 
-def off_map_terms(fit: float, information: float) -> tuple[float, float, float, float]:
-    """What the log odds of being on the map are linear in."""
-    size = math.log(min(max(information, LEAST), MOST))
-    return 1.0, fit, size, fit * size
-
-
-def fit_per_reading(
-    score: float, residual: float, weight: float, prior: OffsetPrior, seen: Evidence
-) -> float:
+class Fit(NamedTuple):
     """
-    Score of the best place per independent reading: how well a window fits the map at all.
+    How well a window fits the map where it fits best.
 
-    The device may have any offset here, at no cost: an unusual device is no stranger to the road.
+    Attributes:
+        per_reading: Log likelihood against the background per independent reading, the device's
+            offset being what suits best, at no cost.
+        offset_db: That offset. Devices differ, but windows of unknown roads need any offset.
+    """
+
+    per_reading: float
+    offset_db: float
+
+
+def off_map_terms(fit: Fit, information: float) -> tuple[float, ...]:
+    """
+    What the log odds of being on the map are linear in.
+
+    An offset counts by the logarithm of a Cauchy density of scale `TYPICAL_DB`, large ones hardly
+    more than middling ones, and however long the window is: it has one device.
+    """
+    size = math.log(min(max(information, LEAST), MOST))
+    strange = math.log1p((fit.offset_db / TYPICAL_DB) ** 2)
+    return 1.0, fit.per_reading, size, fit.per_reading * size, strange
+
+
+def best_fit(
+    score: float, residual: float, weight: float, prior: OffsetPrior, seen: Evidence
+) -> Fit:
+    """
+    How well a window fits the map at all.
 
     Args:
         score, residual, weight: Of the best place.
@@ -38,18 +59,21 @@ def fit_per_reading(
     readings = float((seen.weight @ seen.heard).sum())
     gain = offset_gain_at(residual, weight, prior)
     free = 0.5 * residual**2 / max(weight, 1e-6)
-    return (score - gain + free) / max(readings, 1e-6)
+    per_reading = (score - gain + free) / max(readings, 1e-6)
+    return Fit(per_reading, residual / max(weight, 1e-6))
 
 
-def off_map_probability(calibration: Calibration, fit: float | None, information: float) -> float:
+def off_map_probability(calibration: Calibration, fit: Fit | None, information: float) -> float:
     """
     Probability that the window comes from a road that the map lacks.
 
     Args:
-        fit: From `fit_per_reading`; None for a window that heard no cell of the map.
+        calibration: Older ones have coefficients of the first four terms alone.
+        fit: From `best_fit`; None for a window that heard no cell of the map.
         information: How many independent samples the window is worth: the fit of many says more.
     """
     if fit is None:
         return 1.0 - 1e-6
-    log_odds_on = float(np.dot(calibration.off_map, off_map_terms(fit, information)))
+    known = calibration.off_map
+    log_odds_on = float(np.dot(known, off_map_terms(fit, information)[: len(known)]))
     return 1.0 / (1.0 + math.exp(min(max(log_odds_on, -30.0), 30.0)))

@@ -23,7 +23,7 @@ from app.numerics.index import MapIndex
 from app.numerics.matching import COARSE_FLATTENING, Coarse, fine_places, place, shortlist
 from app.numerics.motion import OFF_MAP_SHARE, Branch, Predicted, predict
 from app.numerics.observation import CORRELATION_M
-from app.numerics.offmap import off_map_probability
+from app.numerics.offmap import Fit, off_map_probability
 from app.numerics.paths import places_round, turns_within
 from app.numerics.posterior import SCORE, Places, masses, raised
 from app.numerics.query import Query, ask
@@ -160,9 +160,7 @@ def _heeded(
     return np.asarray(temperature * np.logaddexp(scaled, -MOST_SAID * trust))
 
 
-def _off_map(
-    index: MapIndex, query: Query, fit: float | None, before: float, trust: float
-) -> float:
+def _off_map(index: MapIndex, query: Query, fit: Fit | None, before: float, trust: float) -> float:
     """
     Probability of being off the map, from what it was before the window and how well this fits.
 

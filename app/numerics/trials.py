@@ -15,6 +15,7 @@ from app.numerics.evidence_table import HeldOut, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, shortlist
 from app.numerics.observation import OffsetPrior, offset_gain
+from app.numerics.offmap import Fit
 from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, Places
 from app.numerics.query import Query, ask
 
@@ -42,8 +43,8 @@ class Trial:
     own: Places
     weight: float
     samples: int
-    fit: float | None
-    stranger_fit: float | None
+    fit: Fit | None
+    stranger_fit: Fit | None
 
     def information(self, calibration: Calibration) -> float:
         """How many independent samples the window is worth."""
@@ -94,12 +95,12 @@ def _ask(index: MapIndex, model: RoadModel, number: int, truth: HeldOut) -> Tria
     )
 
 
-def _exchanged_fit(index: MapIndex, names: tuple[str, ...], truth: HeldOut) -> float | None:
+def _exchanged_fit(index: MapIndex, names: tuple[str, ...], truth: HeldOut) -> Fit | None:
     """Of the window with its cells exchanged, as in a town where the names stand for others."""
     turned = Window((*names[1:], names[0]), truth.distance_m, truth.rsrp_dbm)
     query = ask(index, turned, in_c=native.BUILT)
     return _best_fit(index, query, fine_places(index, query, shortlist(index, query)))
 
 
-def _best_fit(index: MapIndex, query: Query, places: Places) -> float | None:
+def _best_fit(index: MapIndex, query: Query, places: Places) -> Fit | None:
     return fit_of_place(index, query, places, int(places.score.argmax()))

@@ -25,7 +25,7 @@ from app.numerics.calibration import (
 from app.numerics.evidence_table import COLUMNS, HeldOut, pack, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
-from app.numerics.offmap import OFF_MAP_PRIOR, off_map_probability
+from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability, off_map_terms
 from app.numerics.posterior import Places
 from app.numerics.query import ask
 from app.numerics.reliability import auroc, reliability
@@ -44,7 +44,7 @@ def trial(rng, samples, information, position_sd_m=0.0):
     zero = np.zeros(400)
     places = Places(where, np.stack([at_m, zero + 1.0, score, zero, zero + 1.0]))
     truth = HeldOut(np.zeros(1), np.zeros((1, 1)), np.zeros(1, int), true_m, 1, True, places)
-    return Trial(0, truth, places, places, float(samples), samples, 1.0, 0.0)
+    return Trial(0, truth, places, places, float(samples), samples, Fit(1.0, 0.0), Fit(0.0, 0.0))
 
 
 def test_information_is_what_the_truths_say():
@@ -163,7 +163,8 @@ def test_auroc_is_the_chance_to_be_ordered_right():
 
 def test_off_map_falls_with_the_fit():
     """The better a window fits the less it is off the map; with no known cell it is."""
-    odds = [off_map_probability(Calibration(), fit, 5.0) for fit in (-9.0, -2.0, 0.0, 1.0, 3.0)]
+    fits = [Fit(per_reading, 0.0) for per_reading in (-9.0, -2.0, 0.0, 1.0, 3.0)]
+    odds = [off_map_probability(Calibration(), fit, 5.0) for fit in fits]
     assert odds == sorted(odds, reverse=True)
     assert odds[0] > 0.9
     assert odds[-1] < 0.1
@@ -179,14 +180,56 @@ def test_log_odds_part_two_classes():
         weight = float(np.exp(rng.uniform(0.0, 3.0)))
         noise = 1.0 / np.sqrt(weight)
         on, off = 1.0 + noise * rng.normal(), noise * rng.normal()
-        trials.append(replace(one, weight=weight, samples=99, fit=on, stranger_fit=off))
+        trials.append(
+            replace(one, weight=weight, samples=99, fit=Fit(on, 0.0), stranger_fit=Fit(off, 0.0))
+        )
     learnt = Calibration(off_map=_log_odds(trials, Calibration()))
     for weight, sure in ((1.0, 0.25), (18.0, 0.02)):
-        assert off_map_probability(learnt, 1.0, weight) < sure
+        assert off_map_probability(learnt, Fit(1.0, 0.0), weight) < sure
         # Log odds of the two Gaussians at their middle are even, but for the prior.
-        middle = off_map_probability(learnt, 0.5, weight)
+        middle = off_map_probability(learnt, Fit(0.5, 0.0), weight)
         assert middle == pytest.approx(OFF_MAP_PRIOR, abs=0.04)
-    assert off_map_probability(learnt, 0.0, 18.0) > 0.75
+    assert off_map_probability(learnt, Fit(0.0, 0.0), 18.0) > 0.75
+
+
+def trials_with_offsets(seed: int, *, measured: bool):
+    """Fits that overlap, survey devices alike, strangers' best places that need any offset."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for _ in range(500):
+        one = trial(rng, 10, 10.0)
+        truth = replace(one.truth, measured=measured)
+        on = Fit(0.7 + 0.5 * rng.normal(), 0.4 * rng.normal())
+        off = Fit(0.5 * rng.normal(), 7.0 * rng.normal())
+        out.append(replace(one, truth=truth, weight=5.0, samples=99, fit=on, stranger_fit=off))
+    return out
+
+
+def test_a_window_that_needs_a_strange_device_is_likelier_off_the_map():
+    """The same fit with 15 dB of offset; with 6 dB, as a vehicle's may have, it is kept."""
+    learnt = Calibration(off_map=_log_odds(trials_with_offsets(3, measured=True), Calibration()))
+    usual, unusual, strange = (
+        off_map_probability(learnt, Fit(0.8, offset_db), 5.0) for offset_db in (0.3, 6.0, 15.0)
+    )
+    assert usual < unusual < 0.5
+    assert strange > 5.0 * usual
+    assert off_map_probability(learnt, Fit(0.8, -15.0), 5.0) == pytest.approx(strange)
+
+
+def test_drawn_windows_tell_nothing_of_devices():
+    """Of roads with one pass: the odds do not hang on the offset."""
+    learnt = Calibration(off_map=_log_odds(trials_with_offsets(4, measured=False), Calibration()))
+    odds = [off_map_probability(learnt, Fit(0.4, offset_db), 5.0) for offset_db in (0.0, 15.0)]
+    assert odds[0] == pytest.approx(odds[1])
+
+
+def test_maps_of_before_answer_as_before():
+    """Four coefficients, as stored by older versions: the offset has no say."""
+    older = Calibration(off_map=(1.2, 2.3, 0.4, 1.6))
+    for offset_db in (0.0, 9.0):
+        terms = off_map_terms(Fit(0.5, offset_db), 4.0)
+        off = off_map_probability(older, Fit(0.5, offset_db), 4.0)
+        assert off == pytest.approx(1.0 / (1.0 + np.exp(np.dot(older.off_map, terms[:4]))))
 
 
 @cache
@@ -237,11 +280,13 @@ def test_temperature_flattens_the_answer():
 
 @pytest.mark.parametrize("offset_db", [-6.0, 6.0])
 def test_an_unusual_device_is_no_stranger(offset_db):
-    """A common offset leaves the fit by which a window is judged to be on the map as it was."""
+    """A common offset leaves the fit per reading as it was, and is told beside it."""
     index = index_of(cells=6)
     for window, _ in windows(city_of(cells=6), 20, length_m=30.0):
         shifted = Window(window.cells, window.distance_m, window.rsrp_dbm + offset_db)
-        assert fit_of(index, shifted) == pytest.approx(fit_of(index, window), abs=0.02)
+        there, here = fit_of(index, shifted), fit_of(index, window)
+        assert there.per_reading == pytest.approx(here.per_reading, abs=0.02)
+        assert there.offset_db == pytest.approx(here.offset_db + offset_db, abs=0.5)
 
 
 def fit_of(index, window):
