@@ -1,10 +1,13 @@
 """
-What a perfect survey would be worth: `python -m benchmarks.bounds [SCENARIO] [--seeds N]`.
+What bounds the error: `python -m benchmarks.bounds [SCENARIO] [--seeds N] [--windows N]`.
 
 The same windows are asked of three maps: the one fitted to the survey; the scenario's own curves as
 they were on the survey's day; and those as they are when the vehicles drive, drift included. What
-the last one leaves is in the windows: noise, the device's offset, the odometer. No survey, and no
-way of fitting one, can do better with this likelihood.
+the last one leaves is in the windows: noise, the device's offset, the odometer. Beside them the
+best that any method can do with this survey (`app.evaluation.survey_bound`), which takes cells not
+heard to say nothing; the same with readings below the sensitivity reported, too, which knows more
+than there is to know, so that the truth lies between the two; and the Cramer-Rao bound's mean
+error. Windows of 30 m that end anywhere, or of 10 s where samples come by the clock.
 """
 
 from __future__ import annotations
@@ -18,9 +21,12 @@ import numpy as np
 from jaxtyping import Float
 
 from app.domain import Calibration, RadioMap, RoadModel
+from app.evaluation.bound import MEAN_ABSOLUTE, least_sd_m
+from app.evaluation.experiments.plan import WINDOW_M, WINDOW_S
 from app.evaluation.scenario import build_city, preset, survey, windows
 from app.evaluation.scenario.city import City, RoadTruth
 from app.evaluation.scenario.params import Scenario
+from app.evaluation.survey_bound import best_answers
 from app.evaluation.truth import Labelled
 from app.numerics.calibration import calibrate
 from app.numerics.exhaustive import locate_exhaustively
@@ -31,6 +37,9 @@ from app.numerics.roadfit import fit_road
 FIRST_SEED = 301  # seeds that nothing was tuned on
 WINDOWS = 250
 CELLS = (2, 4, 6)
+STEP_M = 0.125  # between places: half of it moves the least mean error of 0.12 m by 1 %
+CLOCK_STEP_M = 0.5  # by the clock errors are ten times that: half of it moves none
+ALL_HEARD_DBM = -200.0
 
 
 def main() -> None:
@@ -38,19 +47,69 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenario", nargs="?", default="harsh")
     parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--windows", type=int, default=WINDOWS)
     chosen = parser.parse_args()
     seeds = range(FIRST_SEED, FIRST_SEED + chosen.seeds)
-    print(f"{chosen.scenario}, windows of 10 s anywhere, {WINDOWS} for each of seeds {list(seeds)}")
+    kind = "10 s" if by_clock(preset(chosen.scenario)) else "30 m"
+    print(
+        f"{chosen.scenario}, windows of {kind} anywhere, "
+        f"{chosen.windows} for each of seeds {list(seeds)}"
+    )
     for cells in CELLS:
         scenario = replace(preset(chosen.scenario), cells=cells)
         rows: dict[str, list[tuple[float, bool]]] = {}
+        least_m: list[float] = []
         for seed in seeds:
             city = build_city(scenario, seed)
-            asked = windows(city, WINDOWS, length_m=None, duration_s=10.0)
+            asked = asked_of(city, chosen.windows)
             for name, index in maps_of(city, scenario):
                 rows.setdefault(name, []).extend(answers(index, asked))
+            rows.setdefault("best with this survey", []).extend(best(city, asked))
+            bare = build_city(replace(scenario, sensitivity_dbm=ALL_HEARD_DBM), seed)
+            best_bare = best(bare, asked_of(bare, chosen.windows))
+            rows.setdefault("best, were all heard", []).extend(best_bare)
+            least_m += [cramer_rao_m(city, one) for one in asked]
         for name, row in rows.items():
             print(f"  {cells} cells, {name:26s} {described(row)}", flush=True)
+        print(f"  {cells} cells, {'Cramer-Rao':26s} {len(least_m)} windows  MDE {mean(least_m)} m")
+
+
+def by_clock(scenario: Scenario) -> bool:
+    """Whether samples come by the clock."""
+    return scenario.sample_interval_s is not None
+
+
+def asked_of(city: City, count: int) -> list[Labelled]:
+    """The windows of a city."""
+    if by_clock(city.scenario):
+        return windows(city, count, length_m=None, duration_s=WINDOW_S)
+    return windows(city, count, length_m=WINDOW_M)
+
+
+def best(city: City, asked: Sequence[Labelled]) -> list[tuple[float, bool]]:
+    """Error and road of the best possible answers."""
+    step_m = CLOCK_STEP_M if by_clock(city.scenario) else STEP_M
+    found = best_answers(city, [one.window for one in asked], step_m=step_m)
+    return [
+        (
+            float(distance_m(answer.lon, answer.lat, one.truth.lon, one.truth.lat)),
+            answer.road_id == one.truth.road_id,
+        )
+        for answer, one in zip(found, asked, strict=True)
+    ]
+
+
+def cramer_rao_m(city: City, one: Labelled) -> float:
+    """The bound's mean absolute error for a window, its device's offset unknown."""
+    truth = city.by_id[one.truth.road_id]
+    behind_m = np.arange(len(one.window.distance_m))[::-1] * city.scenario.spacing_m
+    at_m = one.truth.chainage_m - one.truth.direction.sign * behind_m
+    return MEAN_ABSOLUTE * least_sd_m(truth, at_m, city.scenario)
+
+
+def mean(values: Sequence[float]) -> str:
+    """Of the finite ones."""
+    return f"{np.mean([each for each in values if math.isfinite(each)]):6.3f}"
 
 
 def maps_of(city: City, scenario: Scenario) -> list[tuple[str, MapIndex]]:
@@ -113,7 +172,7 @@ def described(row: Sequence[tuple[float, bool]]) -> str:
     """A line of figures."""
     error_m, road = np.array(row, dtype=float).T
     return (
-        f"{len(row)} windows  MDE {error_m.mean():6.2f} m  median {np.median(error_m):5.2f} m  "
+        f"{len(row)} windows  MDE {error_m.mean():6.3f} m  median {np.median(error_m):6.3f} m  "
         f"road {road.mean():.1%}"
     )
 

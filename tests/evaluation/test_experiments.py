@@ -175,6 +175,7 @@ def test_the_page_says_what_the_files_say(finished, reported):
         cells += [two(row[name]) for name in ("median_m", "p75_m", "p90_m", "p95_m")]
         cells += [two(row["median_along_m"]), f"{float(row['bound_m']):.3f}"]
         cells += [percent(row["road_rate"]), percent(row["direction_rate"])]
+        cells += [percent(row["direction_given_road_rate"])]
         cells += [f"{float(row[name]):.3f}" for name in ("median_delay_ms", "mean_delay_ms")]
         assert "".join(f"<td>{cell}</td>" for cell in cells) in page, row["method"]
     (ours,) = (r for r in rows if r["experiment"] == "reliability" and r["method"] == "roadprint")
@@ -240,6 +241,18 @@ def test_reliability_counts_what_was_said_and_what_was_right():
     assert scored["ece"] == pytest.approx(0.5 * 0.05 + 0.5 * 0.45)
     assert scored["coverage68"] == 0.5
     assert scored["coverage95"] is None
+
+
+def test_direction_counts_over_all_windows_and_over_those_on_the_right_road():
+    """A wrong road is a wrong direction of all windows, and none of those on the right road."""
+    base = {"job": ["j"] * 4, "drive": [0] * 4, "error_m": [1.0] * 4, "delay_ms": [1.0] * 4}
+    road = [True, True, True, False]
+    scored = score(fixes(**base, road_right=road, direction_right=[True, True, False, False]))
+    assert scored["road_rate"] == 0.75
+    assert scored["direction_rate"] == 0.5
+    assert scored["direction_given_road_rate"] == pytest.approx(2.0 / 3.0)
+    lost = score(fixes(**base, road_right=[False] * 4, direction_right=[False] * 4))
+    assert lost["direction_given_road_rate"] is None
 
 
 def row(method, mde_m, delay_ms, road_rate):

@@ -11,15 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from app.domain import Fix, Trace
+from app.domain import Fix, Trace, Window
 from app.evaluation.bound import least_sd_m
 from app.evaluation.experiments.plan import Case, Job, Setting
 from app.evaluation.methods import METHODS, Confident, Estimate, Model, Place, Previous, Survey
+from app.evaluation.methods.exhaustive import ExhaustiveModel
 from app.evaluation.passes import Drive
 from app.evaluation.protocols import WINDOWS_A_DRIVE, Asked, tour
 from app.evaluation.realdata import RealData, load
 from app.evaluation.scenario import City, build_city, city_drives, survey
+from app.numerics.corners import LEAST_M
 from app.numerics.geodesy import LocalFrame, distance_m
+
+RECALL_WINDOWS = 100  # of long windows: with every corner the definition takes a second and more
 
 Clock = Callable[[], float]
 """Seconds from any origin; only differences count."""
@@ -141,6 +145,7 @@ def _ask_all(
             models[name].locate(windows[0].window, None)  # the first call of a method warms caches
     last: dict[str, Estimate] = {}
     rows = []
+    every = -(-len(windows) // RECALL_WINDOWS) if _may_turn(case.window_m) else 1
     for number, asked in enumerate(windows):
         turn = number % len(names)
         fixes: dict[str, dict[str, Any]] = {}
@@ -153,7 +158,9 @@ def _ask_all(
             delay_s = clock() - began_s
             last[name] = estimate
             fixes[name] = _fix(models[name], asked, estimate) | {"delay_ms": 1e3 * delay_s}
-        recall = _recall(last)
+        recall = None
+        if number % every == 0:
+            recall = _recall(last, _definition(models, asked.window, last))
         common = _common(job, case, number, asked, city)
         for name in names:
             kept = recall if name == "roadprint" else None
@@ -222,12 +229,28 @@ def _fix(model: Model, asked: Asked, estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _recall(last: dict[str, Estimate]) -> float | None:
-    """Share of the exhaustive posterior that lies in candidates of the two-scale search."""
-    if not {"roadprint", "exhaustive"} <= last.keys():
+def _may_turn(window_m: float) -> bool:
+    """Whether windows of that length are laid round corners."""
+    return window_m >= LEAST_M
+
+
+def _definition(models: dict[str, Model], window: Window, last: dict[str, Estimate]) -> Fix | None:
+    """What `roadprint` approximates: `exhaustive`, round corners as well where windows are long."""
+    model = models.get("exhaustive")
+    if not isinstance(model, ExhaustiveModel):
         return None
-    two_scale, whole = last["roadprint"].memory, last["exhaustive"].memory
-    if not (isinstance(two_scale, Fix) and isinstance(whole, Fix)):
+    if _may_turn(float(np.ptp(window.distance_m))):
+        return model.with_turns(window)
+    whole = last["exhaustive"].memory
+    return whole if isinstance(whole, Fix) else None
+
+
+def _recall(last: dict[str, Estimate], whole: Fix | None) -> float | None:
+    """Share of the definition's posterior that lies in candidates of the two-scale search."""
+    if whole is None or "roadprint" not in last:
+        return None
+    two_scale = last["roadprint"].memory
+    if not isinstance(two_scale, Fix):
         return None
     kept = {(one.road_id, one.segment_index, one.direction) for one in two_scale.candidates}
     total = sum(one.posterior for one in whole.candidates)

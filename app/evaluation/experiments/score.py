@@ -57,7 +57,12 @@ def score_points(points: Sequence[Point], keys: dict[Job, str], fixes: pa.Table)
 
 
 def score(fixes: pa.Table) -> Row:
-    """Figures of one method's fixes at one point; None where there is nothing to say."""
+    """
+    Figures of one method's fixes at one point; None where there is nothing to say.
+
+    ``direction_rate`` is of all windows, so that a wrong road is a wrong direction, too;
+    ``direction_given_road_rate`` of those on the right road.
+    """
     error_m = _floats(fixes, "error_m")
     low_m, high_m = mean_interval(error_m, _drive_names(fixes))
     p75, p90, p95 = np.quantile(error_m, [0.75, 0.9, 0.95]).tolist()
@@ -68,6 +73,7 @@ def score(fixes: pa.Table) -> Row:
     recall = recall[~np.isnan(recall)]
     along_m = _floats(fixes, "along_m")
     along_m = along_m[~np.isnan(along_m)]
+    on_road = fixes.filter(fixes["road_right"])
     return {
         "windows": len(error_m),
         "mde_m": float(error_m.mean()),
@@ -80,6 +86,7 @@ def score(fixes: pa.Table) -> Row:
         "median_along_m": float(np.median(along_m)) if len(along_m) else None,
         "road_rate": _rate(fixes, "road_right"),
         "direction_rate": _rate(fixes, "direction_right"),
+        "direction_given_road_rate": _rate(on_road, "direction_right"),
         "segment_rate": _rate(fixes, "segment_right"),
         "located_rate": _rate(fixes, "located"),
         "median_delay_ms": float(np.median(delay_ms)),

@@ -35,6 +35,7 @@ FORMS = {  # how a column of points.csv is written; PERCENT: a share in percent,
     "located_rate": PERCENT,
     "road_rate": PERCENT,
     "direction_rate": PERCENT,
+    "direction_given_road_rate": PERCENT,
     "segment_rate": PERCENT,
     "ece": PERCENT,
     "coverage68": PERCENT,
@@ -42,8 +43,20 @@ FORMS = {  # how a column of points.csv is written; PERCENT: a share in percent,
 }
 DEFAULT_FORM = ".2f"
 SCORES = ("windows", "mde_m", "interval", "median_m", "p75_m", "p90_m", "p95_m", "median_along_m")
-RATES = ("road_rate", "direction_rate", "median_delay_ms", "mean_delay_ms")
-TITLES = {"interval": "95 % interval", "mde_m": "MDE m", "median_m": "median m", "ece": "ECE %"}
+RATES = (
+    "road_rate",
+    "direction_rate",
+    "direction_given_road_rate",
+    "median_delay_ms",
+    "mean_delay_ms",
+)
+TITLES = {
+    "interval": "95 % interval",
+    "mde_m": "MDE m",
+    "median_m": "median m",
+    "ece": "ECE %",
+    "direction_given_road_rate": "direction on the right road %",
+}
 
 
 class BadPart(RoadprintError):

@@ -36,6 +36,7 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("bound_m", "bound m", ".3f"),
     ("road_rate", "road", ".1%"),
     ("direction_rate", "direction", ".1%"),
+    ("direction_given_road_rate", "direction on the right road", ".1%"),
     ("median_delay_ms", "median ms", ".3f"),
     ("mean_delay_ms", "mean ms", ".3f"),
 )

@@ -76,16 +76,18 @@ def _road_truth(
     share = np.stack([_los_share(layout, street, site, scenario, steps) for site in sites], axis=1)
     path = _path(layout, street, steps)
     columns = [_median_dbm(path, site, share[:, i], scenario) for i, site in enumerate(sites)]
+    median_dbm = np.stack(columns, axis=1)
     spread_db = share * scenario.shadowing_los_db + (1.0 - share) * scenario.shadowing_nlos_db
     step_m = length / (steps - 1)
     shadow = fields.shadowing.along(street, index, cells, steps, step_m)
-    survey_dbm = np.stack(columns, axis=1) + spread_db * shadow
+    survey_dbm = median_dbm + spread_db * shadow
     drive_dbm = survey_dbm
     if scenario.drift_db > 0:
         change = fields.drift.along(street, index, cells, steps, step_m)
         drive_dbm = survey_dbm + scenario.drift_db * change
     names = tuple(site.cell for site in sites)
-    return RoadTruth(street.road_id, index, line, length, names, survey_dbm, drive_dbm)
+    levels = (survey_dbm, drive_dbm, median_dbm, spread_db)
+    return RoadTruth(street.road_id, index, line, length, names, *levels)
 
 
 def _on_earth(layout: Layout, street: Street, scenario: Scenario) -> Line:

@@ -25,6 +25,8 @@ class RoadTruth:
         survey_dbm: True mean at survey time, on an even grid from end to end, its last place the
             line's end. Shape ``(grid, cells)``.
         drive_dbm: The same when the vehicles drive: with the drift since the survey.
+        median_dbm: The mean without its shadowing, on the same grid: what the plan alone tells.
+        shadowing_db: Standard deviation of that shadowing.
     """
 
     road_id: str
@@ -34,6 +36,8 @@ class RoadTruth:
     cells: tuple[str, ...]
     survey_dbm: Float[np.ndarray, "grid cells"]
     drive_dbm: Float[np.ndarray, "grid cells"]
+    median_dbm: Float[np.ndarray, "grid cells"]
+    shadowing_db: Float[np.ndarray, "grid cells"]
 
     @property
     def road(self) -> Road:

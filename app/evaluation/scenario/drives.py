@@ -55,6 +55,12 @@ def pass_chainage_m(
     return travelled_m if direction is Direction.FORWARD else truth.length_m - travelled_m
 
 
+def survey_direction(scenario: Scenario, number: int) -> Direction:
+    """Which way the survey's pass of that number goes."""
+    backward = scenario.both_directions and number % 2 == 1
+    return Direction.BACKWARD if backward else Direction.FORWARD
+
+
 def report(
     mean_dbm: Float[np.ndarray, "samples cells"], scenario: Scenario, rng: np.random.Generator
 ) -> Float[np.ndarray, "samples cells"]:
@@ -75,9 +81,7 @@ def report(
 def _survey_pass(city: City, truth: RoadTruth, number: int) -> Trace:
     scenario = city.scenario
     rng = stream(city.seed, Purpose.SURVEY, truth.index, number)
-    backward = scenario.both_directions and number % 2 == 1
-    direction = Direction.BACKWARD if backward else Direction.FORWARD
-    chainage_m = pass_chainage_m(truth, direction, scenario)
+    chainage_m = pass_chainage_m(truth, survey_direction(scenario, number), scenario)
     rsrp_dbm = report(truth.mean_dbm(chainage_m), scenario, rng)
     start = SURVEY_START + timedelta(days=number, minutes=2 * truth.index)
     trace = _trace(city, truth, chainage_m, rsrp_dbm, start)
