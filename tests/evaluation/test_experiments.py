@@ -244,12 +244,12 @@ def test_reliability_counts_what_was_said_and_what_was_right():
 
 
 def test_direction_counts_over_all_windows_and_over_those_on_the_right_road():
-    """A wrong road is a wrong direction of all windows, and none of those on the right road."""
+    """The direction on a wrong road counts among all windows, not among those on the right road."""
     base = {"job": ["j"] * 4, "drive": [0] * 4, "error_m": [1.0] * 4, "delay_ms": [1.0] * 4}
     road = [True, True, True, False]
-    scored = score(fixes(**base, road_right=road, direction_right=[True, True, False, False]))
+    scored = score(fixes(**base, road_right=road, direction_right=[True, True, False, True]))
     assert scored["road_rate"] == 0.75
-    assert scored["direction_rate"] == 0.5
+    assert scored["direction_rate"] == 0.75
     assert scored["direction_given_road_rate"] == pytest.approx(2.0 / 3.0)
     lost = score(fixes(**base, road_right=[False] * 4, direction_right=[False] * 4))
     assert lost["direction_given_road_rate"] is None

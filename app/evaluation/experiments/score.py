@@ -60,7 +60,7 @@ def score(fixes: pa.Table) -> Row:
     """
     Figures of one method's fixes at one point; None where there is nothing to say.
 
-    ``direction_rate`` is of all windows, so that a wrong road is a wrong direction, too;
+    ``direction_rate`` is of all windows, on whatever road they were put (by chance half of them);
     ``direction_given_road_rate`` of those on the right road.
     """
     error_m = _floats(fixes, "error_m")
