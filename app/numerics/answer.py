@@ -9,7 +9,7 @@ from app.domain import Candidate, Direction, Fix
 from app.numerics.index import MapIndex
 from app.numerics.observation import offset_db
 from app.numerics.offmap import Fit, best_fit, off_map_probability
-from app.numerics.posterior import RESIDUAL, SCORE, Places, raised
+from app.numerics.posterior import RESIDUAL, SCORE, Places
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
 from app.numerics.tapes import BOTH
@@ -20,7 +20,7 @@ def answer(
     query: Query,
     places: Places,
     confidence: float,
-    log_prior: Float[np.ndarray, " places"] | None = None,
+    log_prior: Float[np.ndarray, " last"] | None = None,
 ) -> Fix:
     """
     Tell the posterior over places as a fix.
@@ -29,12 +29,14 @@ def answer(
     peak on that road, in one direction; the sub-segment is the one that holds it.
 
     Args:
-        log_prior: Of each place, against any metre of the map; None = all are alike.
+        log_prior: Of the last places, against any metre of the map, that is in their scores times
+            the temperature; None = all are alike.
     """
     temperature = query.temperature(index.calibration)
-    ranked = places if log_prior is None else raised(places, temperature * log_prior)
-    told = summarise(index, ranked, temperature, confidence, in_c=query.told is not None)
-    fit = fit_of_place(index, query, places, told.best)
+    told = summarise(index, places, temperature, confidence, in_c=query.told is not None)
+    before = len(places) - (0 if log_prior is None else len(log_prior))
+    known = 0.0 if log_prior is None or told.best < before else float(log_prior[told.best - before])
+    fit = fit_of_place(index, query, places, told.best, temperature * known)
     off_map = off_map_probability(index.calibration, fit, query.information(index.calibration))
     road, sign = index.roads[told.road], int(places.sign[told.peak])
     segment = int(road.edges_m[1:-1].searchsorted(told.chainage_m, side="right"))
@@ -69,12 +71,19 @@ def answer(
     )
 
 
-def fit_of_place(index: MapIndex, query: Query, places: Places, place: int) -> Fit | None:
-    """How well the window fits at a place; None when the map knows none of its cells."""
+def fit_of_place(
+    index: MapIndex, query: Query, places: Places, place: int, raised_by: float = 0.0
+) -> Fit | None:
+    """
+    How well the window fits at a place; None when the map knows none of its cells.
+
+    Args:
+        raised_by: Part of the place's score that no reading said.
+    """
     if not query.cells:
         return None
     score, residual, weight = places.values[SCORE:, place].tolist()
-    return best_fit(score, residual, weight, index.offset_prior, query.fine)
+    return best_fit(score - raised_by, residual, weight, index.offset_prior, query.fine)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

@@ -64,12 +64,13 @@ class Placed:
     Where a window may end.
 
     Attributes:
-        log_prior: What is known of each place beforehand, against any metre of a road that the
-            window lies along; None = nothing of any.
+        log_prior: What is known beforehand of the last places, whose scores hold it times the
+            window's temperature, against those of a road that the window lies along. Of these
+            nothing is known; None = there are no others.
     """
 
     places: Places
-    log_prior: Float[np.ndarray, " places"] | None
+    log_prior: Float[np.ndarray, " last"] | None
 
 
 def place(index: MapIndex, query: Query) -> Placed:
@@ -85,20 +86,17 @@ def with_hypotheses(
     Places along roads, and beside them what else may have happened, each with its prior: the
     vehicle came round a corner, or its odometer is off.
     """
-    parts, logs = [straight], [0.0]
-    if corners:
-        parts.append(places_round_corners(index, query, corners))
-        logs.append(TURN_LOG)
-    others = under_other_factors(index, query, straight)
-    if others is not None:
-        logs = [log + others.exact_log for log in logs]
-    elif not corners:
-        return Placed(straight, None)
-    log_prior = np.repeat(logs, [len(part) for part in parts])
-    if others is not None:
-        parts.append(others.places)
-        log_prior = np.concatenate((log_prior, others.log_share))
-    return Placed(Places.join(parts), log_prior)
+    if not corners:
+        others = under_other_factors(index, query, straight, straight)
+        return Placed(straight, None) if others is None else Placed(others.places, others.log_prior)
+    turned = places_round_corners(index, query, corners)
+    log_prior = np.full(len(turned), TURN_LOG)
+    turned.values[SCORE] += TURN_LOG * query.temperature(index.calibration)
+    places = Places.join((straight, turned))
+    others = under_other_factors(index, query, straight, places)
+    if others is None:
+        return Placed(places, log_prior)
+    return Placed(others.places, np.concatenate((log_prior, others.log_prior)))
 
 
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:

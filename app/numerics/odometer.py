@@ -15,12 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from app.numerics import native
+from app.numerics import native, native_factors
 from app.numerics.index import MapIndex
 from app.numerics.observation import Evidence
-from app.numerics.posterior import Places
+from app.numerics.posterior import Places, raised
 from app.numerics.query import Query
-from app.numerics.refinement import refine_each
+from app.numerics.refinement import AROUND, MIN_ROW, MOST_ROWS, PARTS, refine_each
+from app.numerics.refinement import LIGHTEST as DRAWN_FROM
 from app.numerics.stretches import Stretch, lay
 
 SCALE_SD = 0.03  # of odometers that err at all: worn tyres, wrong ones, slip
@@ -35,20 +36,17 @@ LIGHTEST = 4.0  # places so far under the best carry next to nothing
 MOST_M = 400.0  # of road that is looked at again: a window that fits everywhere tells no factor
 
 
-@dataclass(frozen=True, slots=True)
-class Factor:
-    """What the window's distances are multiplied by, and the log of its share."""
-
-    value: float
-    log_share: float
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Factors:
-    """The factors other than 1, and the log of the share of 1."""
+    """
+    The factors other than 1 that a window's distances may be multiplied by.
 
-    others: tuple[Factor, ...]
-    exact_log: float
+    Attributes:
+        log_prior: Log of each one's share, against the share of 1.
+    """
+
+    value: Float[np.ndarray, " factors"]
+    log_prior: Float[np.ndarray, " factors"]
 
     @classmethod
     def rough(cls) -> Factors:
@@ -64,9 +62,7 @@ class Factors:
 
     @classmethod
     def _of(cls, sds: tuple[float, ...], share: Float[np.ndarray, " factors"]) -> Factors:
-        told = zip(sds, np.log(share).tolist(), strict=True)
-        others = tuple(Factor(1.0 + SCALE_SD * sd, log) for sd, log in told)
-        return cls(others, float(np.log1p(-share.sum())))
+        return cls(1.0 + SCALE_SD * np.array(sds), np.log(share) - np.log1p(-share.sum()))
 
 
 FINE, ROUGH = Factors.fine(), Factors.rough()
@@ -74,29 +70,19 @@ FINE, ROUGH = Factors.fine(), Factors.rough()
 
 def multiplied(query: Query, factor: float) -> Query:
     """The window with its travelled distances so much longer; what its samples weigh stays."""
-    seen, told = query.fine, query.told
-    if told is None:
-        behind_m = seen.behind_m * factor
-    else:
-        block = told.block.copy()
-        behind_m = block[: told.samples]
-        behind_m *= factor
-        told = native.Told(block, told.samples)
-    fine = Evidence(behind_m, seen.rsrp_db, seen.heard, seen.share, seen.weight)
-    return Query(query.cells, query.unknown, query.samples, fine, told)
+    seen = query.fine
+    fine = Evidence(seen.behind_m * factor, seen.rsrp_db, seen.heard, seen.share, seen.weight)
+    return Query(query.cells, query.unknown, query.samples, fine)
 
 
-def factors_for(query: Query, places: Places, temperature: float) -> Factors | None:
+def factors_for(query: Query, width_m: float) -> Factors | None:
     """
     Which factors are worth a look.
 
     Args:
-        places: Along single roads, the window taken at its word.
-        temperature: What scores are divided by.
+        width_m: Of the window's peak.
     """
     moved_m = SCALE_SD * query.length_m
-    near = places.score >= places.score.max() - WITHIN * temperature
-    width_m = float(places.width_m[near].sum())
     if moved_m < ROUGH_FROM * width_m:
         return None
     return FINE if moved_m > FINE_FROM * width_m else ROUGH
@@ -105,40 +91,82 @@ def factors_for(query: Query, places: Places, temperature: float) -> Factors | N
 @dataclass(frozen=True, slots=True, eq=False)
 class Others:
     """
-    Places of a window under factors other than 1.
+    Places of a window under factors other than 1, after those that were there before.
 
     Attributes:
-        log_share: Of each place's factor.
-        exact_log: Log of the share of the factor 1.
+        log_prior: Of each of the new places, whose scores hold it times the temperature, against
+            one of the window taken at its word.
     """
 
     places: Places
-    log_share: Float[np.ndarray, " places"]
-    exact_log: float
+    log_prior: Float[np.ndarray, " new"]
 
 
-def under_other_factors(index: MapIndex, query: Query, places: Places) -> Others | None:
+def under_other_factors(
+    index: MapIndex, query: Query, straight: Places, before: Places
+) -> Others | None:
     """
     The window with its distances multiplied, about the places that carry mass.
 
     Args:
-        places: Along single roads, the window taken at its word.
+        straight: Along single roads, the window taken at its word.
+        before: What the new places are to follow.
 
     Returns:
         None where no factor could be told.
     """
     temperature = query.temperature(index.calibration)
-    factors = factors_for(query, places, temperature)
-    stretches = _stretches(index, query, places, temperature) if factors is not None else []
+    if query.told is not None:
+        return _in_c(index, query, query.told, temperature, straight, before)
+    factors = factors_for(query, peak_width_m(straight, temperature))
+    stretches = [] if factors is None else stretches_about(index, query, straight, temperature)
     if factors is None or not stretches:
         return None
-    queries = [multiplied(query, one.value) for one in factors.others]
+    queries = [multiplied(query, value) for value in factors.value.tolist()]
     laid, count = refine_each(index, queries, lay(index, queries, stretches))
-    log_share = np.repeat([one.log_share for one in factors.others], count)
-    return Others(laid, log_share, factors.exact_log)
+    log_prior = np.repeat(factors.log_prior, count)
+    return Others(Places.join((before, raised(laid, temperature * log_prior))), log_prior)
 
 
-def _stretches(index: MapIndex, query: Query, places: Places, temperature: float) -> list[Stretch]:
+def _in_c(
+    index: MapIndex,
+    query: Query,
+    told: native.Told,
+    temperature: float,
+    straight: Places,
+    before: Places,
+) -> Others | None:
+    """The same with the kernels in C."""
+    atlas, moved_m = index.atlas, SCALE_SD * query.length_m
+    near = (WITHIN * temperature, LIGHTEST * temperature)
+    limits = (moved_m / ROUGH_FROM, -ROUGH_SDS[0] * moved_m, MOST_M)
+    width_m, found = native_factors.stretches_about(
+        straight, (atlas.step_m, atlas.size), near, limits
+    )
+    factors = factors_for(query, width_m)
+    if factors is None or not found:
+        return None
+    stretches = []
+    for one in found:
+        road = index.roads[one[0]]
+        along, cells = road.along, query.numbers(road.column)
+        stretches.append((along.rows, along.bend, cells, *one, road.step_m, road.length_m))
+    priors = (factors.value, factors.log_prior, temperature)
+    drawn = (atlas.step_m, DRAWN_FROM * temperature, AROUND, MIN_ROW, MOST_ROWS, PARTS)
+    return Others(
+        *native_factors.under_factors(told, stretches, priors, index.likelihood, drawn, before)
+    )
+
+
+def peak_width_m(places: Places, temperature: float) -> float:
+    """Metres of road whose score is next to the best."""
+    near = places.score >= places.score.max() - WITHIN * temperature
+    return float(places.width_m[near].sum())
+
+
+def stretches_about(
+    index: MapIndex, query: Query, places: Places, temperature: float
+) -> list[Stretch]:
     """Stretches about the places that carry mass; none when they are longer than `MOST_M`."""
     heavy = (places.score >= places.score.max() - LIGHTEST * temperature).nonzero()[0]
     reach_m = -ROUGH_SDS[0] * SCALE_SD * query.length_m

@@ -25,7 +25,7 @@ from app.numerics.motion import OFF_MAP_SHARE, Branch, Predicted, predict
 from app.numerics.observation import CORRELATION_M
 from app.numerics.offmap import Fit, off_map_probability
 from app.numerics.paths import places_round, turns_within
-from app.numerics.posterior import SCORE, Places, masses, raised
+from app.numerics.posterior import SCORE, Places, masses
 from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
 
@@ -49,10 +49,7 @@ def begin(
     query = ask(index, window, in_c=in_c)
     placed = place(index, query)
     fix = answer(index, query, placed.places, confidence, placed.log_prior)
-    places = placed.places
-    if placed.log_prior is not None:
-        places = raised(places, query.temperature(index.calibration) * placed.log_prior)
-    return Tracked(fix, _belief(index, query, places, fix.off_map_posterior))
+    return Tracked(fix, _belief(index, query, placed.places, fix.off_map_posterior))
 
 
 def follow(

@@ -17,7 +17,8 @@ from app.domain import Calibration, RoadModel, Window
 from app.numerics import coarse, native, observation, posterior, stretches
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
-from app.numerics.query import ask
+from app.numerics.odometer import under_other_factors
+from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
 from app.numerics.summary import summarise
 from app.numerics.tapes import COARSE_STEPS_M, GAP
@@ -237,11 +238,28 @@ def arguments(seed: int) -> dict[str, list[object]]:
         ],
         "rows": [*old, atlas.step_m, 7.0, 3, 3, 6],
         "redrawn": [*over_road, road.along.bend, *old, 0, 3, 5, 1.0, 1.0, *finer_of(finer)],
+        "stretches_about": [*old, atlas.step_m, atlas.size, 1.0, 8.0, 100.0, 3.0, 400.0],
+        "under_factors": [
+            *(*over_road, [stretch_of(index, query, 1, 3, 7), stretch_of(index, query, 0, 2, 2)]),
+            *(np.array([0.97, 1.03]), np.array([-2.0, -3.0]), 2.0, index.likelihood),
+            *(atlas.step_m, 7.0, 3, 3, 6, 5, *old),
+            *(np.zeros(2 * (len(places) + 99), dtype=np.int64), np.zeros(5 * (len(places) + 99))),
+            np.zeros(99),
+        ],
         "summary": [
             *(*old, atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),
             *(1.0, 15.0, 1e-3, 0.68, 1.0, 1e-4, 1e-9),
         ],
     }
+
+
+def stretch_of(
+    index: MapIndex, query: Query, number: int, first: int, last: int
+) -> tuple[object, ...]:
+    road = index.roads[number]
+    along, cells = road.along, query.numbers(road.column)
+    where = (number, -1, first, last, road.step_m, road.length_m)
+    return (along.rows, along.bend, cells, *where)
 
 
 def finer_of(places: posterior.Places) -> tuple[object, object]:
@@ -269,8 +287,8 @@ def changed(value: object, how: int) -> object:
 @settings(max_examples=200, deadline=None)
 @given(
     SEEDS,
-    st.integers(0, 8),
-    st.integers(0, 13),
+    st.integers(0, 10),
+    st.integers(0, 18),
     st.integers(0, 155),
     st.none() | st.integers(0, 155),
 )
@@ -287,6 +305,41 @@ def test_spoilt_arguments_are_refused_or_harmless(seed, which, place, how, also)
         kernel(*given_)
     except KNOWN:
         return
+
+
+@built
+@settings(max_examples=100, deadline=None)
+@given(SEEDS, st.integers(0, 1), st.integers(0, 8), st.integers(0, 155))
+def test_spoilt_stretches_are_refused_or_harmless(seed, which, place, how):
+    """So are stretches of which one number or array is spoilt."""
+    given_ = arguments(seed % 50)["under_factors"]
+    spoilt = [list(one) for one in given_[3]]
+    with np.errstate(over="ignore"):
+        spoilt[which][place] = changed(spoilt[which][place], how)
+    given_[3] = [tuple(one) for one in spoilt]
+    try:
+        native._native.under_factors(*given_)
+    except KNOWN:
+        return
+
+
+@built
+@settings(max_examples=60, deadline=None)
+@given(SEEDS, st.sampled_from([0.5, 1.0, 20.0]))
+def test_other_factors_are_the_same(seed, temperature):
+    """Stretches about the places that carry mass, laid under every factor and drawn anew."""
+    calibration = Calibration(information_each=1.0 / temperature)
+    index, window = map_of(gentle(seed % 5), calibration), a_window(seed)
+    plain, fast = ask(index, window), ask(index, window, in_c=True)
+    straight = refine(index, plain, fine_places(index, plain, shortlist(index, plain)))
+    before = straight.slice(0, 2).take(np.array([1, 0]))
+    slow, quick = (under_other_factors(index, one, straight, before) for one in (plain, fast))
+    assert (slow is None) == (quick is None)
+    if slow is None or quick is None:
+        return
+    np.testing.assert_array_equal(quick.log_prior, slow.log_prior)
+    np.testing.assert_array_equal(quick.places.where, slow.places.where)
+    np.testing.assert_allclose(quick.places.values, slow.places.values, **SCORES)
 
 
 @built

@@ -10,10 +10,19 @@ import pytest
 from app.domain import Window
 from app.evaluation.scenario import windows
 from app.numerics import native, odometer
+from app.numerics.answer import answer, fit_of_place
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.matching import finest_places, locate, place, shortlist
-from app.numerics.odometer import FINE, ROUGH, factors_for, multiplied, under_other_factors
-from app.numerics.posterior import masses
+from app.numerics.odometer import (
+    FINE,
+    ROUGH,
+    factors_for,
+    multiplied,
+    peak_width_m,
+    under_other_factors,
+)
+from app.numerics.offmap import off_map_probability
+from app.numerics.posterior import masses, raised
 from app.numerics.query import ask
 from tests.numerics.cities import city_of, index_of
 
@@ -40,14 +49,14 @@ def errors_m(factor: float) -> np.ndarray:
     return np.array(out).T
 
 
-def test_shares_of_all_factors_sum_to_one():
-    """Of either list, with the factor 1; the mean factor is 1, its spread the stated one's part."""
+def test_factors_are_balanced():
+    """Of either list: most odometers are right, the mean factor is 1, its spread as stated."""
     for factors in (FINE, ROUGH):
-        share = np.exp([one.log_share for one in factors.others])
-        value = np.array([one.value for one in factors.others])
-        assert share.sum() + np.exp(factors.exact_log) == pytest.approx(1.0)
-        assert share @ (value - 1.0) == pytest.approx(0.0, abs=1e-12)
-    spread = np.sqrt(np.exp([one.log_share for one in ROUGH.others]) @ (value - 1.0) ** 2)
+        exact = 1.0 / (1.0 + np.exp(factors.log_prior).sum())
+        share = exact * np.exp(factors.log_prior)
+        assert exact > odometer.EXACT
+        assert share @ (factors.value - 1.0) == pytest.approx(0.0, abs=1e-12)
+    spread = np.sqrt(share @ (ROUGH.value - 1.0) ** 2)
     assert spread == pytest.approx(odometer.SCALE_SD * np.sqrt(1.0 - odometer.EXACT))
 
 
@@ -90,7 +99,8 @@ def test_a_place_known_no_better_than_the_factor_moves_it_is_looked_at_once():
         query = ask(index, window)
         assert place(index, query).log_prior is None
         straight = straight_of(index, query)
-        assert factors_for(query, straight, query.temperature(index.calibration)) is None
+        width_m = peak_width_m(straight, query.temperature(index.calibration))
+        assert factors_for(query, width_m) is None
 
 
 def test_narrow_peaks_have_more_factors_than_wide_ones():
@@ -100,10 +110,10 @@ def test_narrow_peaks_have_more_factors_than_wide_ones():
     for length_m in (10.0, 30.0, 100.0):
         for window, _ in windows(city_of(), 10, length_m=length_m):
             query = ask(index, window)
-            temperature = query.temperature(index.calibration)
-            told = factors_for(query, straight_of(index, query), temperature)
-            found.add(0 if told is None else len(told.others))
-    assert {len(ROUGH.others), len(FINE.others)} <= found
+            straight = straight_of(index, query)
+            told = factors_for(query, peak_width_m(straight, query.temperature(index.calibration)))
+            found.add(0 if told is None else len(told.value))
+    assert {len(ROUGH.value), len(FINE.value)} <= found
 
 
 def test_the_true_factor_carries_the_mass():
@@ -111,26 +121,46 @@ def test_the_true_factor_carries_the_mass():
     index, below = index_of(), []
     for window, _ in windows(city_of(), 20, length_m=40.0):
         query = ask(index, off_by(window, 1.03))
-        others = under_other_factors(index, query, straight_of(index, query))
+        straight = straight_of(index, query)
+        others = under_other_factors(index, query, straight, straight)
         assert others is not None
-        temperature = query.temperature(index.calibration)
-        mass = masses(others.places, temperature) * np.exp(others.log_share)
-        value = np.exp(FINE.others[0].log_share), np.exp(FINE.others[-1].log_share)
-        assert value[0] == pytest.approx(value[1])
-        at = np.flatnonzero(np.diff(others.log_share))[1] + 1  # two factors under 1, then two over
+        mass = masses(others.places, query.temperature(index.calibration))[len(straight) :]
+        assert len(mass) == len(others.log_prior)
+        assert FINE.log_prior[0] == pytest.approx(FINE.log_prior[-1])
+        at = np.flatnonzero(np.diff(others.log_prior))[1] + 1  # two factors under 1, then two over
         below.append(mass[:at].sum() > mass[at:].sum())
     assert np.mean(below) > 0.8
 
 
 def test_multiplied_windows_keep_their_readings():
-    """Distances alone change, for the kernels as for numpy; the window itself stays as it was."""
+    """Distances alone change; the window itself stays as it was."""
     index = index_of()
     window, _ = windows(city_of(), 1, length_m=30.0)[0]
-    for in_c in {False, native.BUILT}:
-        query = ask(index, window, in_c=in_c)
-        before_m = query.fine.behind_m.copy()
-        longer = multiplied(query, 1.02)
-        np.testing.assert_array_equal(query.fine.behind_m, before_m)
-        np.testing.assert_allclose(longer.fine.behind_m, 1.02 * before_m)
-        np.testing.assert_array_equal(longer.fine.rsrp_db, query.fine.rsrp_db)
-        assert longer.temperature(index.calibration) == query.temperature(index.calibration)
+    query = ask(index, window)
+    before_m = query.fine.behind_m.copy()
+    longer = multiplied(query, 1.02)
+    np.testing.assert_array_equal(query.fine.behind_m, before_m)
+    np.testing.assert_allclose(longer.fine.behind_m, 1.02 * before_m)
+    np.testing.assert_array_equal(longer.fine.rsrp_db, query.fine.rsrp_db)
+    assert longer.temperature(index.calibration) == query.temperature(index.calibration)
+
+
+def test_what_is_known_of_a_factor_is_no_part_of_the_fit():
+    """Being off the map is told from the readings of the best place, whatever its factor."""
+    index = index_of()
+    seen = set()
+    for window, _ in windows(city_of(), 20, length_m=40.0):
+        query = ask(index, off_by(window, 1.03), in_c=native.BUILT)
+        placed = place(index, query)
+        assert placed.log_prior is not None
+        temperature = query.temperature(index.calibration)
+        known = np.zeros(len(placed.places))
+        known[-len(placed.log_prior) :] = placed.log_prior
+        best = int(placed.places.score.argmax())
+        fit = fit_of_place(index, query, raised(placed.places, -temperature * known), best)
+        told = answer(index, query, placed.places, 0.68, placed.log_prior)
+        much = query.information(index.calibration)
+        expected = off_map_probability(index.calibration, fit, much)
+        assert told.off_map_posterior == pytest.approx(expected, rel=1e-9)
+        seen.add(bool(known[best]))
+    assert seen == {False, True}

@@ -77,6 +77,42 @@ typedef struct {
     ptrdiff_t first, end;
 } Row;
 
+/* Places to be filled in. */
+typedef struct {
+    ptrdiff_t count;
+    int64_t *where;
+    double *values;
+} Room;
+
+/* A window on a stretch of road: grid positions `first` to `last`. */
+typedef struct {
+    Told told;
+    Along along;
+    int64_t road, sign;
+    ptrdiff_t first, last;
+    double step_m, length_m;
+} Laid;
+
+/* Which places matter: how far under the best they lie, and how much road they may be. */
+typedef struct {
+    double within, lightest, widest_m, reach_m, most_m;
+} Heavy;
+
+/* Factors of the travelled distance, each with the log of its share; see app.numerics.odometer. */
+typedef struct {
+    ptrdiff_t count;
+    const double *value, *log_prior;
+    double temperature;
+} Hypotheses;
+
+/* What is drawn anew: see app.numerics.refinement. */
+typedef struct {
+    const double *step_m; /* of each road */
+    ptrdiff_t roads;
+    double lowest;
+    ptrdiff_t around, least, most, parts;
+} Drawing;
+
 /* evidence.c */
 ptrdiff_t count_stretches(const double *distance_m, ptrdiff_t samples, double step_m);
 void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
@@ -94,8 +130,7 @@ int score_turns(const float *parts, ptrdiff_t arms, const Turns *turns, ptrdiff_
                 ptrdiff_t last, const Likelihood *likelihood, float *score);
 
 /* stretch.c */
-int score_stretch(const Told *told, const Along *along, ptrdiff_t first, ptrdiff_t count, int sign,
-                  double step_m, const Likelihood *likelihood, double *values, ptrdiff_t stride);
+int lay_stretch(const Laid *laid, const Likelihood *likelihood, const Room *room, ptrdiff_t at);
 
 /* posterior.c */
 ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, double left_out,
@@ -107,9 +142,20 @@ int find_summit(const Places *places, const double *mass, ptrdiff_t roads, doubl
 /* refinement.c */
 ptrdiff_t find_rows(const Places *places, const double *step_m, ptrdiff_t roads, double lowest,
                     ptrdiff_t around, ptrdiff_t least, ptrdiff_t most, Row *rows);
+int draw_row(const Told *told, const Along *along, const Places *places, ptrdiff_t first,
+             ptrdiff_t end, ptrdiff_t parts, double step_m, double like_db2, double *values,
+             ptrdiff_t stride);
+void copy_places(const Places *places, ptrdiff_t first, ptrdiff_t end, const Room *room,
+                 ptrdiff_t at);
 int redraw(const Told *told, const Along *along, const Places *places, ptrdiff_t first,
-           ptrdiff_t end, ptrdiff_t parts, double step_m, double like_db2, int64_t *where,
-           double *values);
+           ptrdiff_t end, ptrdiff_t parts, double step_m, double like_db2, const Room *room);
+
+/* odometer.c */
+ptrdiff_t stretches_about(const Places *places, const double *step_m, const int64_t *size,
+                          ptrdiff_t roads, const Heavy *heavy, double *width_m, Laid *found);
+ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
+                      const Likelihood *likelihood, const Drawing *drawing, const Places *before,
+                      Room *room, double *log_prior);
 
 /* geometry.c */
 ptrdiff_t spot(const Atlas *atlas, int64_t road, double chainage_m, double *share);

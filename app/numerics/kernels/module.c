@@ -1,5 +1,6 @@
 /* app.numerics._native: the kernels as Python functions; app.numerics.native says what they do. */
 #include "arrays.h"
+#include "under.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -141,17 +142,10 @@ static PyObject *stretch(PyObject *self, PyObject *const *arguments, Py_ssize_t 
     demand(&call, sign == 1 || sign == -1, "not a direction");
     demand(&call, 0 <= first && first <= last && last < profile.columns - 2, "beyond the road");
     demand(&call, 0 <= at && at <= total - count, "too little room");
+    Laid laid = {window, profile, road, sign, first, last, step_m, length_m};
+    Room room = {total, where, values};
     if (!call.failed)
-        check(&call, score_stretch(&window, &profile, first, count, (int)sign, step_m, &terms,
-                                   values + at, total));
-    for (ptrdiff_t i = 0; !call.failed && i < count; i++) {
-        where[at + i] = road;
-        where[total + at + i] = sign;
-        values[CHAINAGE * total + at + i] = (double)(first + i) * step_m;
-        values[WIDTH * total + at + i] = step_m;
-    }
-    if (!call.failed && last == profile.columns - 3)
-        values[CHAINAGE * total + at + count - 1] = length_m;
+        check(&call, lay_stretch(&laid, &terms, &room, at));
     return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
 }
 
@@ -205,9 +199,9 @@ static PyObject *redrawn(PyObject *self, PyObject *const *arguments, Py_ssize_t 
     int64_t *where = array(&call, 'l', WRITE, 2, shape);
     shape[0] = VALUES;
     double *values = array(&call, 'd', WRITE, 2, shape);
+    Room room = {shape[1], where, values};
     if (!call.failed)
-        check(&call, redraw(&window, &profile, &all, first, end, parts, step_m, like_db2, where,
-                            values));
+        check(&call, redraw(&window, &profile, &all, first, end, parts, step_m, like_db2, &room));
     return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
 }
 
@@ -298,13 +292,15 @@ static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 static PyMethodDef methods[] = {
     KERNEL(heard_columns), KERNEL(evidence), KERNEL(tape), KERNEL(turns),   KERNEL(kept_by_mass),
     KERNEL(stretch),       KERNEL(rows),     KERNEL(redrawn), KERNEL(summary),
+    {"stretches_about", (PyCFunction)(void (*)(void))stretches_about_places, METH_FASTCALL, NULL},
+    KERNEL(under_factors),
     {NULL, NULL, 0, NULL},
 };
 
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 5);
+    return PyModule_AddIntConstant(module, "VERSION", 6);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

@@ -118,38 +118,54 @@ static void divide(const Places *places, ptrdiff_t left, ptrdiff_t parts, double
     }
 }
 
-/* All places, those from `first` to `end - 1` drawn anew with `parts` to an interval. */
-int redraw(const Told *told, const Along *along, const Places *places, ptrdiff_t first,
-           ptrdiff_t end, ptrdiff_t parts, double step_m, double like_db2, int64_t *where,
-           double *values)
+/* The row from `first` to `end - 1` drawn anew with `parts` to an interval; all but where it is. */
+int draw_row(const Told *told, const Along *along, const Places *places, ptrdiff_t first,
+             ptrdiff_t end, ptrdiff_t parts, double step_m, double like_db2, double *values,
+             ptrdiff_t stride)
 {
-    ptrdiff_t finer = parts * (end - first - 1) + 1, after = places->count - end;
-    ptrdiff_t stride = first + finer + after;
-    const double *chainage_m = places->values + CHAINAGE * places->count;
+    ptrdiff_t finer = parts * (end - first - 1) + 1;
     for (ptrdiff_t cell = 0; cell < told->cells; cell++)
         if (told->numbers[cell] >= along->cells)
             return OUT_OF_BOUNDS;
-    double start = rint(chainage_m[first] / step_m) + 1.0;
+    double start = rint(places->values[CHAINAGE * places->count + first] / step_m) + 1.0;
     if (!(fabs(start) < MOST_COLUMNS))
         return OUT_OF_BOUNDS;
-    for (int row = 0; row < VALUES; row++) {
-        const double *from = places->values + row * places->count;
-        double *to = values + row * stride;
-        memcpy(to, from, sizeof *to * (size_t)first);
-        memcpy(to + first + finer - 1, from + end - 1, sizeof *to * (size_t)(after + 1));
-    }
-    for (ptrdiff_t i = 0; i < stride; i++) {
-        ptrdiff_t from = i < first ? i : i < first + finer ? first : i - finer + (end - first);
-        where[i] = places->road[from];
-        where[stride + i] = places->sign[from];
-    }
     for (ptrdiff_t i = first; i + 1 < end; i++) {
         double bend = bend_at(told, along, (ptrdiff_t)start + i - first, places->sign[first], step_m);
-        divide(places, i, parts, bend, like_db2, values + first + (i - first) * parts, stride);
+        divide(places, i, parts, bend, like_db2, values + (i - first) * parts, stride);
     }
-    double *width_m = values + WIDTH * stride + first;
+    for (int row = 0; row < VALUES; row++)
+        values[row * stride + finer - 1] = places->values[row * places->count + end - 1];
+    double *width_m = values + WIDTH * stride;
     for (ptrdiff_t i = 0; i < finer; i++)
         width_m[i] = step_m / (double)parts;
     width_m[0] = width_m[finer - 1] = step_m / 2.0 * (1.0 + 1.0 / (double)parts);
     return 0;
+}
+
+/* Some of the places, after `at` others. */
+void copy_places(const Places *places, ptrdiff_t first, ptrdiff_t end, const Room *room,
+                 ptrdiff_t at)
+{
+    size_t count = (size_t)(end - first);
+    memcpy(room->where + at, places->road + first, sizeof *room->where * count);
+    memcpy(room->where + room->count + at, places->sign + first, sizeof *room->where * count);
+    for (int row = 0; row < VALUES; row++)
+        memcpy(room->values + row * room->count + at, places->values + row * places->count + first,
+               sizeof *room->values * count);
+}
+
+/* All places, those from `first` to `end - 1` drawn anew with `parts` to an interval. */
+int redraw(const Told *told, const Along *along, const Places *places, ptrdiff_t first,
+           ptrdiff_t end, ptrdiff_t parts, double step_m, double like_db2, const Room *room)
+{
+    ptrdiff_t finer = parts * (end - first - 1) + 1;
+    copy_places(places, 0, first, room, 0);
+    copy_places(places, end, places->count, room, first + finer);
+    for (ptrdiff_t i = first; i < first + finer; i++) {
+        room->where[i] = places->road[first];
+        room->where[room->count + i] = places->sign[first];
+    }
+    return draw_row(told, along, places, first, end, parts, step_m, like_db2,
+                    room->values + first, room->count);
 }

@@ -89,18 +89,35 @@ static double precise_gain(double residual, double weight, const Likelihood *lik
     return fmax(first, second) + log1p(exp(-fabs(first - second)));
 }
 
-/* All but the chainages; rows `stride` apart. */
-int score_stretch(const Told *told, const Along *along, ptrdiff_t first, ptrdiff_t count, int sign,
-                  double step_m, const Likelihood *likelihood, double *values, ptrdiff_t stride)
+/* Scores, residuals and weights; rows `stride` apart. */
+static int score_stretch(const Laid *laid, const Likelihood *likelihood, double *values,
+                         ptrdiff_t stride)
 {
     Factors f = {0};
-    int fault = aim(&f, told, along->cells, step_m, 0, likelihood);
+    ptrdiff_t count = laid->last - laid->first + 1;
+    int fault = aim(&f, &laid->told, laid->along.cells, laid->step_m, 0, likelihood);
     if (fault == 0) {
-        lay_windows(along, &f, first + 1, count, sign, values, stride);
+        lay_windows(&laid->along, &f, laid->first + 1, count, (int)laid->sign, values, stride);
         for (ptrdiff_t i = 0; i < count; i++)
             values[SCORE * stride + i] += precise_gain(values[RESIDUAL * stride + i],
                                                        values[WEIGHT * stride + i], likelihood);
     }
     free(f.memory);
     return fault;
+}
+
+/* A place for every grid position, after `at` others. */
+int lay_stretch(const Laid *laid, const Likelihood *likelihood, const Room *room, ptrdiff_t at)
+{
+    double *values = room->values + at;
+    ptrdiff_t count = laid->last - laid->first + 1;
+    for (ptrdiff_t i = 0; i < count; i++) {
+        room->where[at + i] = laid->road;
+        room->where[room->count + at + i] = laid->sign;
+        values[CHAINAGE * room->count + i] = (double)(laid->first + i) * laid->step_m;
+        values[WIDTH * room->count + i] = laid->step_m;
+    }
+    if (laid->last == laid->along.columns - 3)
+        values[CHAINAGE * room->count + count - 1] = laid->length_m;
+    return score_stretch(laid, likelihood, values, room->count);
 }

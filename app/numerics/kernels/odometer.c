@@ -1,0 +1,221 @@
+/* Twins of app.numerics.odometer: a window under factors of its travelled distance. */
+#include "kernels.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+typedef struct {
+    int64_t road, sign;
+    double at_m;
+} Spot;
+
+static int along_roads(const void *left, const void *right)
+{
+    const Spot *a = left, *b = right;
+    if (a->road != b->road)
+        return a->road < b->road ? -1 : 1;
+    if (a->sign != b->sign)
+        return a->sign < b->sign ? -1 : 1;
+    return (a->at_m > b->at_m) - (a->at_m < b->at_m);
+}
+
+/* Places that carry mass, in order; how many they are. */
+static ptrdiff_t heavy_spots(const Places *places, double least, Spot *spots)
+{
+    const double *score = places->values + SCORE * places->count;
+    const double *at_m = places->values + CHAINAGE * places->count;
+    ptrdiff_t count = 0;
+    int ordered = 1;
+    for (ptrdiff_t i = 0; i < places->count; i++) {
+        if (!(score[i] >= least))
+            continue;
+        spots[count] = (Spot){places->road[i], places->sign[i], at_m[i]};
+        ordered = ordered && (count == 0 || along_roads(spots + count - 1, spots + count) <= 0);
+        count++;
+    }
+    if (!ordered)
+        qsort(spots, (size_t)count, sizeof *spots, along_roads);
+    return count;
+}
+
+/* Rows of grid positions about spots; none when they are longer than `heavy` has it. */
+static ptrdiff_t join_spots(const Spot *spots, ptrdiff_t count, const double *step_m,
+                            const int64_t *size, ptrdiff_t roads, const Heavy *heavy, Laid *found)
+{
+    ptrdiff_t rows = 0;
+    double metres = 0.0;
+    for (const Spot *one = spots; one < spots + count; one++) {
+        if (one->road < 0 || one->road >= roads || size[one->road] < 1)
+            return OUT_OF_BOUNDS;
+        double step = step_m[one->road], from = (one->at_m - heavy->reach_m) / step;
+        double to = (one->at_m + heavy->reach_m) / step;
+        if (!(fabs(from) < MOST_COLUMNS && fabs(to) < MOST_COLUMNS))
+            return OUT_OF_BOUNDS;
+        ptrdiff_t first = from > 0.0 ? (ptrdiff_t)from : 0, last = (ptrdiff_t)to + 1;
+        last = last < size[one->road] ? last : (ptrdiff_t)size[one->road] - 1;
+        Laid *before = found + rows - 1;
+        if (rows > 0 && before->road == one->road && before->sign == one->sign &&
+            first <= before->last + 1) {
+            metres += (double)(last - before->last) * step;
+            before->last = last;
+        } else {
+            metres += (double)(last - first) * step;
+            found[rows++] = (Laid){
+                .road = one->road, .sign = one->sign, .first = first, .last = last};
+        }
+        if (metres > heavy->most_m)
+            return 0;
+    }
+    return rows;
+}
+
+/* How wide the peak is and, unless that is too wide, the stretches about the places that carry
+ * mass; `found` has room for as many as there are places. */
+ptrdiff_t stretches_about(const Places *places, const double *step_m, const int64_t *size,
+                          ptrdiff_t roads, const Heavy *heavy, double *width_m, Laid *found)
+{
+    const double *score = places->values + SCORE * places->count;
+    double top = -INFINITY;
+    for (ptrdiff_t i = 0; i < places->count; i++)
+        top = score[i] > top ? score[i] : top;
+    *width_m = 0.0;
+    for (ptrdiff_t i = 0; i < places->count; i++)
+        if (score[i] >= top - heavy->within)
+            *width_m += places->values[WIDTH * places->count + i];
+    if (*width_m > heavy->widest_m)
+        return 0;
+    Spot *spots = malloc(sizeof *spots * (size_t)places->count);
+    if (spots == NULL)
+        return OUT_OF_MEMORY;
+    ptrdiff_t count = heavy_spots(places, top - heavy->lightest, spots);
+    count = join_spots(spots, count, step_m, size, roads, heavy, found);
+    free(spots);
+    return count;
+}
+
+/* Every stretch under every factor; `behind_m` has room for a window's samples. */
+static int lay_all(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
+                   const Likelihood *likelihood, double *behind_m, const Room *room)
+{
+    ptrdiff_t at = 0;
+    int fault = 0;
+    for (ptrdiff_t factor = 0; factor < factors->count; factor++) {
+        for (ptrdiff_t i = 0; i < stretches->told.samples; i++)
+            behind_m[i] = stretches->told.behind_m[i] * factors->value[factor];
+        for (const Laid *one = stretches; fault == 0 && one < stretches + count; one++) {
+            Laid longer = *one;
+            longer.told.behind_m = behind_m;
+            fault = lay_stretch(&longer, likelihood, room, at);
+            at += one->last - one->first + 1;
+        }
+    }
+    return fault;
+}
+
+/* The stretch, of those under one factor, that holds a place. */
+static const Laid *stretch_of(const Laid *stretches, ptrdiff_t place)
+{
+    while (place > stretches->last - stretches->first) {
+        place -= stretches->last - stretches->first + 1;
+        stretches++;
+    }
+    return stretches;
+}
+
+/* Draws one row anew, `at` places into the room; how many places it is now. */
+static ptrdiff_t draw(const Laid *stretches, ptrdiff_t size, const Places *laid, const Row *row,
+                      const Hypotheses *factors, double like_db2, ptrdiff_t parts,
+                      double *behind_m, const Room *room, ptrdiff_t at)
+{
+    const Laid *one = stretch_of(stretches, row->first % size);
+    ptrdiff_t finer = parts * (row->end - row->first - 1) + 1;
+    Told longer = one->told;
+    for (ptrdiff_t i = 0; i < longer.samples; i++)
+        behind_m[i] = one->told.behind_m[i] * factors->value[row->first / size];
+    longer.behind_m = behind_m;
+    for (ptrdiff_t i = at; i < at + finer; i++) {
+        room->where[i] = one->road;
+        room->where[room->count + i] = one->sign;
+    }
+    int fault = draw_row(&longer, &one->along, laid, row->first, row->end, parts, one->step_m,
+                         like_db2, room->values + at, room->count);
+    return fault < 0 ? fault : finer;
+}
+
+/* What is known of the factors goes into the scores of their places, `at` others before them. */
+static void weigh(const Hypotheses *factors, ptrdiff_t size, const Row *rows, ptrdiff_t found,
+                  ptrdiff_t parts, const Room *room, ptrdiff_t at, double *log_prior)
+{
+    double *score = room->values + SCORE * room->count + at;
+    for (ptrdiff_t factor = 0; factor < factors->count; factor++) {
+        ptrdiff_t count = size;
+        for (ptrdiff_t row = 0; row < found; row++)
+            if (rows[row].first / size == factor)
+                count += (parts - 1) * (rows[row].end - rows[row].first - 1);
+        for (; count > 0; count--) {
+            *score++ += factors->temperature * factors->log_prior[factor];
+            *log_prior++ = factors->log_prior[factor];
+        }
+    }
+}
+
+/* All laid places, those of the rows drawn anew; the rows stand last one first. */
+static int draw_all(const Laid *stretches, ptrdiff_t size, const Places *laid, const Row *rows,
+                    ptrdiff_t found, const Hypotheses *factors, double like_db2, ptrdiff_t parts,
+                    double *behind_m, const Room *room, ptrdiff_t at)
+{
+    ptrdiff_t from = 0;
+    for (const Row *row = rows + found - 1; row >= rows; row--) {
+        copy_places(laid, from, row->first, room, at);
+        at += row->first - from;
+        from = row->end;
+        ptrdiff_t finer = draw(stretches, size, laid, row, factors, like_db2, parts, behind_m,
+                               room, at);
+        if (finer < 0)
+            return (int)finer;
+        at += finer;
+    }
+    copy_places(laid, from, laid->count, room, at);
+    return 0;
+}
+
+/*
+ * The places before, then those of every stretch under every factor, their peaks drawn anew and
+ * what is known of their factors in their scores; how many the latter are. The room is on the way
+ * in as large as it may become, and then as large as it has become.
+ */
+ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
+                      const Likelihood *likelihood, const Drawing *drawing, const Places *before,
+                      Room *room, double *log_prior)
+{
+    ptrdiff_t size = 0, samples = stretches->told.samples, parts = drawing->parts, found = 0;
+    for (ptrdiff_t i = 0; i < count; i++)
+        size += stretches[i].last - stretches[i].first + 1;
+    ptrdiff_t total = size * factors->count, most = room->count;
+    double *memory = malloc(sizeof *memory * (size_t)(samples + VALUES * total) +
+                            sizeof(int64_t) * (size_t)(2 * total) +
+                            sizeof(Row) * (size_t)(drawing->most + 1));
+    if (memory == NULL)
+        return OUT_OF_MEMORY;
+    Room rough = {total, (int64_t *)(memory + samples + VALUES * total), memory + samples};
+    Row *rows = (Row *)(rough.where + 2 * total);
+    Places laid = {total, rough.where, rough.where + total, rough.values};
+    ptrdiff_t fault = lay_all(stretches, count, factors, likelihood, memory, &rough);
+    if (fault == 0)
+        fault = found = find_rows(&laid, drawing->step_m, drawing->roads, drawing->lowest,
+                                  drawing->around, drawing->least, drawing->most, rows);
+    room->count = before->count + total;
+    for (ptrdiff_t i = 0; i < found; i++)
+        room->count += (parts - 1) * (rows[i].end - rows[i].first - 1);
+    if (fault >= 0 && room->count > most)
+        fault = OUT_OF_BOUNDS;
+    if (fault >= 0) {
+        copy_places(before, 0, before->count, room, 0);
+        fault = draw_all(stretches, size, &laid, rows, found, factors, likelihood->like_db2, parts,
+                         memory, room, before->count);
+    }
+    if (fault >= 0)
+        weigh(factors, size, rows, found, parts, room, before->count, log_prior);
+    free(memory);
+    return fault < 0 ? fault : room->count - before->count;
+}

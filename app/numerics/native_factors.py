@@ -1,0 +1,88 @@
+"""The kernels of `app.numerics.odometer`; whether they are there says `app.numerics.native`."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import NDArray
+
+from app.numerics.native import Floats, Likelihood, Told, Wholes
+from app.numerics.posterior import VALUES, Places
+
+with suppress(ImportError):
+    from app.numerics import _native
+
+Stretch = tuple[int, int, int, int]
+# A road's rows and bend, numbers of the window's cells, a stretch, and the road's step and length.
+Laid = tuple[NDArray[np.float32], NDArray[np.float32], list[int], int, int, int, int, float, float]
+
+
+def stretches_about(
+    places: Places,
+    roads: tuple[Float[np.ndarray, " roads"], Wholes],
+    near: tuple[float, float],
+    limits: tuple[float, float, float],
+) -> tuple[float, list[Stretch]]:
+    """
+    Width of the peak and stretches about it: twins of `app.numerics.odometer.peak_width_m` and
+    `app.numerics.odometer.stretches_about`.
+
+    Args:
+        roads: Step and size of each road's grid.
+        near: How far under the best score places are of the peak, and carry mass.
+        limits: Widest peak that has stretches, their reach, and their length together at most.
+    """
+    return _native.stretches_about(places.where, places.values, *roads, *near, *limits)
+
+
+def under_factors(
+    told: Told,
+    stretches: list[Laid],
+    factors: tuple[Floats, Floats, float],
+    terms: Likelihood,
+    drawn: tuple[Floats, float, int, int, int, int],
+    before: Places,
+) -> tuple[Places, Floats]:
+    """
+    The rest of `app.numerics.odometer.under_other_factors`, the places before included.
+
+    Args:
+        factors: What distances are multiplied by, the logs of its prior, and the temperature.
+        drawn: Each road's step, how far under the best a peak may lie, places about a peak, places
+            that a row needs, rows at most, and parts that a step is divided into.
+
+    Returns:
+        All places, and the log priors of the last ones.
+    """
+    step_m, lowest, around, least, most, parts = drawn
+    room = len(factors[0]) * sum([one[6] - one[5] + 1 for one in stretches])
+    room += most * (parts - 1) * 2 * around
+    count = len(before) + room
+    where, values = np.empty(2 * count, dtype=np.int64), np.empty(VALUES * count)
+    log_prior = np.empty(room)
+    found = _native.under_factors(
+        told.block,
+        told.samples,
+        stretches[0][2],
+        stretches,
+        *factors,
+        terms,
+        step_m,
+        lowest,
+        around,
+        least,
+        most,
+        parts,
+        before.where,
+        before.values,
+        where,
+        values,
+        log_prior,
+    )
+    count = len(before) + found
+    places = Places(
+        where[: 2 * count].reshape(2, count), values[: VALUES * count].reshape(VALUES, count)
+    )
+    return places, log_prior[:found]
