@@ -18,7 +18,7 @@ from app.numerics import coarse, native, observation, posterior, stretches
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.odometer import under_other_factors
-from app.numerics.query import Query, ask
+from app.numerics.query import ask
 from app.numerics.refinement import refine
 from app.numerics.summary import summarise
 from app.numerics.tapes import COARSE_STEPS_M, GAP
@@ -28,7 +28,6 @@ built = pytest.mark.skipif(not native.BUILT, reason="installed without a C compi
 SEEDS = st.integers(0, 10_000)
 # Scores are sums of float32 in another order: within 1e-5 of what is added up, here some thousands.
 SCORES = {"rtol": 1e-5, "atol": 0.02}
-KNOWN = ValueError, TypeError, BufferError, OverflowError
 
 
 def test_the_kernels_are_built_where_they_can_be():
@@ -195,134 +194,6 @@ def test_a_posterior_spread_thin_has_a_radius(in_c):
     assert 10.0 < summarise(index, places, 1.0, 0.68, in_c=in_c).radius_m < 30.0
 
 
-def arguments(seed: int) -> dict[str, list[object]]:
-    """Valid arguments of every kernel."""
-    window = a_window(seed)
-    index = index_of(seed % 5)
-    query = ask(index, window, in_c=True)
-    places = fine_places(index, query, shortlist(index, query))
-    tape, road, atlas = index.tapes[0], index.roads[1], index.atlas
-    level = tape.levels[0]
-    score = np.zeros(2 * len(level.positions), dtype=np.float32)
-    rsrp_dbm, cells = np.ascontiguousarray(window.rsrp_dbm), len(window.cells)
-    block = np.zeros(len(rsrp_dbm) * (2 + 3 * cells))
-    over_tape, over_road = (query.aimed(query.told, one.column) for one in (tape, road))
-    room, finer = native.no_places(9), native.no_places(len(places) + 4 * 2)
-    old = (places.where, places.values)
-    return {
-        "heard_columns": [rsrp_dbm],
-        "evidence": [
-            *(window.distance_m, rsrp_dbm, [*range(cells)], [0] * cells),
-            *(1.0, -95.0, 10.0, block),
-        ],
-        "tape": [
-            *(
-                *over_tape,
-                level.blocks,
-                level.outside,
-                level.positions,
-                4.0,
-                index.likelihood,
-                score,
-            ),
-            *(np.array([[30, 66], [1, -1], [1, 0]]), np.zeros((2, 3, 5), dtype=np.float32)),
-        ],
-        "turns": [
-            *(np.ones((4, 3, 5), dtype=np.float32), *np.array([[0, 1], [2, 3], [5, 2]])),
-            *(1, 4, index.likelihood, np.empty((2, 5), dtype=np.float32)),
-        ],
-        "kept_by_mass": [score, 1.0, 1e-4, 50, np.empty(50, dtype=np.int64)],
-        "stretch": [
-            *(*over_road, road.along.rows, 1, -1, 3, 7, 1.0, 60.0, index.likelihood),
-            *(room.where, room.values, 2),
-        ],
-        "rows": [*old, atlas.step_m, 7.0, 3, 3, 6],
-        "redrawn": [*over_road, road.along.bend, *old, 0, 3, 5, 1.0, 1.0, *finer_of(finer)],
-        "stretches_about": [*old, atlas.step_m, atlas.size, 1.0, 8.0, 100.0, 3.0, 400.0],
-        "under_factors": [
-            *(*over_road, [stretch_of(index, query, 1, 3, 7), stretch_of(index, query, 0, 2, 2)]),
-            *(np.array([0.97, 1.03]), np.array([-2.0, -3.0]), 2.0, index.likelihood),
-            *(atlas.step_m, 7.0, 3, 3, 6, 5, *old),
-            *(np.zeros(2 * (len(places) + 99), dtype=np.int64), np.zeros(5 * (len(places) + 99))),
-            np.zeros(99),
-        ],
-        "summary": [
-            *(*old, atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),
-            *(1.0, 15.0, 1e-3, 0.68, 1.0, 1e-4, 1e-9),
-        ],
-    }
-
-
-def stretch_of(
-    index: MapIndex, query: Query, number: int, first: int, last: int
-) -> tuple[object, ...]:
-    road = index.roads[number]
-    along, cells = road.along, query.numbers(road.column)
-    where = (number, -1, first, last, road.step_m, road.length_m)
-    return (along.rows, along.bend, cells, *where)
-
-
-def finer_of(places: posterior.Places) -> tuple[object, object]:
-    return places.where, places.values
-
-
-def changed(value: object, how: int) -> object:
-    """An argument spoilt in one of many ways."""
-    if isinstance(value, np.ndarray):
-        far, none = (np.inf, np.nan) if value.dtype.kind == "f" else (2**62, -1)
-        ways = [
-            *(value[:-1].copy(), value[:0].copy(), value[..., ::-1], value[..., None]),
-            *(np.zeros(value.shape, dtype=np.float16), value.astype(">f8"), value.tolist(), None),
-            *(np.full_like(value, 10**9), np.full_like(value, -(10**9)), np.zeros_like(value)),
-            *(np.full_like(value, far), np.full_like(value, -far), np.full_like(value, none)),
-        ]
-    elif isinstance(value, list | tuple):
-        ways = [value[:-1], [*value, 0], [10**9] * len(value), [-5], None, [], ["x"], [2**70]]
-    else:
-        ways = [-1, 0, 10**6, 10**15, -(2**62), 2**62, 2**70, np.nan, np.inf, -np.inf, None, "x"]
-    return ways[how % len(ways)]
-
-
-@built
-@settings(max_examples=200, deadline=None)
-@given(
-    SEEDS,
-    st.integers(0, 10),
-    st.integers(0, 18),
-    st.integers(0, 155),
-    st.none() | st.integers(0, 155),
-)
-def test_spoilt_arguments_are_refused_or_harmless(seed, which, place, how, also):
-    """Whatever a kernel is given, it answers or raises; one or two arguments are spoilt here."""
-    name, given_ = list(arguments(seed % 50).items())[which]
-    for step, change in ((0, how), (3, also)):
-        if change is not None:
-            at = (place + step) % len(given_)
-            with np.errstate(over="ignore"):
-                given_[at] = changed(given_[at], change)
-    kernel = getattr(native._native, name)
-    try:
-        kernel(*given_)
-    except KNOWN:
-        return
-
-
-@built
-@settings(max_examples=100, deadline=None)
-@given(SEEDS, st.integers(0, 1), st.integers(0, 8), st.integers(0, 155))
-def test_spoilt_stretches_are_refused_or_harmless(seed, which, place, how):
-    """So are stretches of which one number or array is spoilt."""
-    given_ = arguments(seed % 50)["under_factors"]
-    spoilt = [list(one) for one in given_[3]]
-    with np.errstate(over="ignore"):
-        spoilt[which][place] = changed(spoilt[which][place], how)
-    given_[3] = [tuple(one) for one in spoilt]
-    try:
-        native._native.under_factors(*given_)
-    except KNOWN:
-        return
-
-
 @built
 @settings(max_examples=60, deadline=None)
 @given(SEEDS, st.sampled_from([0.5, 1.0, 20.0]))
@@ -340,14 +211,3 @@ def test_other_factors_are_the_same(seed, temperature):
     np.testing.assert_array_equal(quick.log_prior, slow.log_prior)
     np.testing.assert_array_equal(quick.places.where, slow.places.where)
     np.testing.assert_allclose(quick.places.values, slow.places.values, **SCORES)
-
-
-@built
-@pytest.mark.parametrize("which", list(arguments(1)) if native.BUILT else [])
-def test_valid_arguments_are_taken_and_their_number_counts(which):
-    """The arguments that the test above spoils are right as they stand."""
-    kernel, given_ = getattr(native._native, which), arguments(1)[which]
-    kernel(*given_)
-    for wrong in (given_[:-1], [*given_, 0]):
-        with pytest.raises(TypeError, match="arguments needed"):
-            kernel(*wrong)
