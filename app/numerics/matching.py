@@ -117,7 +117,7 @@ def finest_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
 def _aligned(index: MapIndex, query: Query, kept: Coarse) -> Places:
     closer = kept.closer
     stretches = _stretches(index, kept if closer is None else kept.take(closer.nonzero()[0]))
-    return lay(index, (query,), stretches)
+    return lay(index, query, stretches)
 
 
 def _with_others(index: MapIndex, kept: Coarse, aligned: Places, drawn: Places) -> Places:

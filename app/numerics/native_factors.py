@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from app.numerics.native import Floats, Likelihood, Told, Wholes
 from app.numerics.posterior import VALUES, Places
+from app.numerics.stretches import Stretch
 
 with suppress(ImportError):
     from app.numerics import _native
 
-Stretch = tuple[int, int, int, int]
 # A road's rows and bend, numbers of the window's cells, a stretch, and the road's step and length.
 Laid = tuple[NDArray[np.float32], NDArray[np.float32], list[int], int, int, int, int, float, float]
 

@@ -123,7 +123,8 @@ def under_other_factors(
     if factors is None or not stretches:
         return None
     queries = [multiplied(query, value) for value in factors.value.tolist()]
-    laid, count = refine_each(index, queries, lay(index, queries, stretches))
+    laid = Places.join([lay(index, one, stretches) for one in queries])
+    laid, count = refine_each(index, queries, laid)
     log_prior = np.repeat(factors.log_prior, count)
     return Others(Places.join((before, raised(laid, temperature * log_prior))), log_prior)
 

@@ -9,7 +9,6 @@ import numpy as np
 from app.numerics import native
 from app.numerics.alignment import align
 from app.numerics.index import MapIndex
-from app.numerics.native import Aimed
 from app.numerics.observation import offset_gain
 from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
 from app.numerics.query import Query
@@ -19,27 +18,23 @@ Stretch = tuple[int, int, int, int]
 """Number of the road, +1 or -1 for the direction of travel, first and last grid position."""
 
 
-def lay(index: MapIndex, queries: Sequence[Query], stretches: Sequence[Stretch]) -> Places:
-    """Each query, of the same cells, in turn at every grid position of the stretches."""
-    if queries[0].told is not None:
-        return _lay(index, queries, stretches)
-    parts = [along(index, query, *one) for query in queries for one in stretches]
+def lay(index: MapIndex, query: Query, stretches: Sequence[Stretch]) -> Places:
+    """Every grid position of the stretches."""
+    if query.told is not None:
+        return _lay(index, query, query.told, stretches)
+    parts = [along(index, query, *one) for one in stretches]
     return parts[0] if len(parts) == 1 else Places.join(parts)
 
 
-def _lay(index: MapIndex, queries: Sequence[Query], stretches: Sequence[Stretch]) -> Places:
+def _lay(index: MapIndex, query: Query, told: native.Told, stretches: Sequence[Stretch]) -> Places:
     """The same with the kernels in C."""
-    size = sum([last + 1 - first for _, _, first, last in stretches])
-    places, at = native.no_places(size * len(queries)), 0
-    targets = [index.roads[one[0]] for one in stretches]
-    numbers = [queries[0].numbers(road.column) for road in targets]  # of the same cells
-    for query in queries:
-        told = query.told
-        assert told is not None  # noqa: S101  # all queries are of one kind
-        for one, road, cells in zip(stretches, targets, numbers, strict=True):
-            aimed, metres = Aimed(told.block, told.samples, cells), (road.step_m, road.length_m)
-            native.score_stretch(aimed, road.along.rows, one, metres, index.likelihood, places, at)
-            at += one[3] + 1 - one[2]
+    places = native.no_places(sum([last + 1 - first for _, _, first, last in stretches]))
+    at = 0
+    for one in stretches:
+        road = index.roads[one[0]]
+        aimed, metres = query.aimed(told, road.column), (road.step_m, road.length_m)
+        native.score_stretch(aimed, road.along.rows, one, metres, index.likelihood, places, at)
+        at += one[3] + 1 - one[2]
     return places
 
 

@@ -130,7 +130,7 @@ def test_stretches_are_scored_the_same(seed, stretched, data):
         sign = data.draw(st.sampled_from([1, -1]))
         places.append((road.number, sign, first, last))
         wanted.append(stretches.along(index, plain, *places[-1]))
-    ours = stretches.lay(index, (fast,), places)
+    ours = stretches.lay(index, fast, places)
     joined = posterior.Places.join(wanted)
     assert (ours.where == joined.where).all()
     np.testing.assert_allclose(ours.values, joined.values, **SCORES)
