@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
-from app.numerics.observation import CHANNELS, Profile
+from app.numerics.observation import Profile
 from app.numerics.query import Aim
 
 
@@ -20,24 +20,24 @@ def score_positions(
     columns: Int[np.ndarray, "samples positions"],
 ) -> Float[np.ndarray, "channels positions"]:
     """
-    Score, residual and weight of a window at positions: every sample at its own column, added up.
+    Score, residuals and weights of a window at positions: each sample at its own column, added up.
 
     Args:
         rows: A profile's, or a stretch of it.
         factors: From `app.numerics.observation.coefficients`, for the same rows.
         columns: Of ``rows``, where each sample lies when the window ends at each position.
     """
-    samples, width = columns.shape[0], rows.shape[1]
-    each = factors.reshape(CHANNELS * samples, -1) @ rows
+    channels, samples, width = len(factors), columns.shape[0], rows.shape[1]
+    each = factors.reshape(channels * samples, -1) @ rows
     starts = np.arange(0, samples * width, width)[:, None]
-    return np.asarray(each.reshape(CHANNELS, -1).take(columns + starts, axis=1).sum(axis=1))
+    return np.asarray(each.reshape(channels, -1).take(columns + starts, axis=1).sum(axis=1))
 
 
 def align(
     along: Profile, aim: Aim, first: int, last: int, sign: int
 ) -> Float[np.ndarray, "channels positions"]:
     """
-    Score, residual and weight of a window ending at each column from ``first`` to ``last``.
+    Score, residuals and weights of a window ending at each column from ``first`` to ``last``.
 
     Samples beyond the profile's ends lie on its outermost columns, which are outside the road. In
     float64: a position must be the same on every machine, whatever order its products add up in.

@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from app.domain import Candidate, Direction, Fix
 from app.numerics.index import MapIndex
-from app.numerics.observation import offset_db
 from app.numerics.offmap import Fit, best_fit, off_map_probability
+from app.numerics.offsets import offset_db
 from app.numerics.posterior import RESIDUAL, SCORE, Places
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
@@ -63,7 +63,7 @@ def answer(
         accuracy_m=told.radius_m,
         confidence=confidence,
         off_map_posterior=off_map,
-        device_offset_db=offset_db(residual, weight, index.offset_prior),
+        device_offset_db=offset_db(residual, weight, query.prior(index)),
         samples_used=query.samples,
         cells_used=len(query.cells),
         cells_unknown=query.unknown,
@@ -83,7 +83,7 @@ def fit_of_place(
     if not query.cells:
         return None
     score, residual, weight = places.values[SCORE:, place].tolist()
-    return best_fit(score - raised_by, residual, weight, index.offset_prior, query.fine)
+    return best_fit(score - raised_by, residual, weight, query.prior(index), query.fine)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

@@ -22,11 +22,11 @@ from app.domain import Calibration, RadioMap, Reliability, RoadModel
 from app.numerics.evidence_table import HeldOut
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
-from app.numerics.observation import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetPrior
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_terms
+from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetPrior
 from app.numerics.posterior import RESIDUAL, WEIGHT, masses
 from app.numerics.reliability import reliability
-from app.numerics.trials import Trial, ask_all, held_out_windows, with_offset
+from app.numerics.trials import Trial, ask_all, held_out_windows, size_of, with_offset
 
 MIN_WINDOWS = 20  # fewer held-out windows say nothing reliable
 NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
@@ -55,15 +55,18 @@ def calibrate(models: Sequence[RoadModel]) -> Calibration:
     windows = held_out_windows(models)
     if len(windows) < MIN_WINDOWS:
         return Calibration()
+    index = MapIndex.build(RadioMap(0, tuple(models), Calibration()))
     learnt = Calibration(
-        offset_sd_db=_offset_sd_db([one for _, one in windows]), window_count=len(windows)
+        offset_sd_db=_offset_sd_db([one for _, one in windows], index.offset_prior),
+        window_count=len(windows),
     )
-    index = MapIndex.build(RadioMap(0, tuple(models), learnt))
-    trials = ask_all(index, models, windows)
-    once, each, position_sd_m = _most_probable(trials, index.lengths_m)
+    index = index.recalibrated(learnt)
+    sizes = np.array([size_of(one) for _, one in windows])
+    once, each, position_sd_m = _most_probable(windows, sizes, index.offset_prior, index.lengths_m)
     learnt = replace(
         learnt, information_once=once, information_each=each, position_sd_m=position_sd_m
     )
+    trials = ask_all(index.recalibrated(learnt), models, windows)
     learnt = replace(learnt, off_map=_log_odds(trials, learnt))
     return _wide_enough(index, trials, learnt)
 
@@ -88,9 +91,9 @@ def held(told: Reliability) -> float:
     return dict(told.coverage)[HELD]
 
 
-def _offset_sd_db(windows: Sequence[HeldOut]) -> float:
-    """Spread of device offsets beyond what the windows' own noise explains."""
-    told = [_offset_at_truth(one) for one in windows if one.measured]
+def _offset_sd_db(windows: Sequence[HeldOut], prior: OffsetPrior) -> float:
+    """Spread of device offsets beyond what the windows' own noise and carriers explain."""
+    told = [_offset_at_truth(one, prior) for one in windows if one.measured]
     if len(told) < MIN_WINDOWS:
         return Calibration().offset_sd_db
     offset_db, noise_db2 = np.array(told).T
@@ -100,9 +103,9 @@ def _offset_sd_db(windows: Sequence[HeldOut]) -> float:
     return float(np.sqrt(max(variance_db2, SMALLEST_OFFSET_SD_DB**2)))
 
 
-def _offset_at_truth(one: HeldOut) -> tuple[float, float]:
+def _offset_at_truth(one: HeldOut, prior: OffsetPrior) -> tuple[float, float]:
     """Offset at the best place near the truth, and the variance that noise puts into it."""
-    places = with_offset(one.places, OffsetPrior.learnt(Calibration().offset_sd_db))
+    places = with_offset(one.places, prior)
     near = np.abs(places.chainage_m - one.chainage_m) <= NEAR_TRUTH_M
     near &= places.sign == one.sign
     if not near.any():
@@ -112,7 +115,12 @@ def _offset_at_truth(one: HeldOut) -> tuple[float, float]:
     return float(places.values[RESIDUAL, truth]) / weight, 1.0 / weight
 
 
-def _most_probable(trials: Sequence[Trial], lengths_m: Floats) -> tuple[float, float, float]:
+def _most_probable(
+    windows: Sequence[tuple[int, HeldOut]],
+    sizes: Float[np.ndarray, "windows 2"],
+    prior: OffsetPrior,
+    lengths_m: Floats,
+) -> tuple[float, float, float]:
     """
     Information, once and each, and position error under which the truths were most probable.
 
@@ -120,11 +128,13 @@ def _most_probable(trials: Sequence[Trial], lengths_m: Floats) -> tuple[float, f
     that nothing could place must not decide alone.
 
     Args:
+        windows: Each with the number of its road.
+        sizes: What each one's samples weigh together, and how many they are.
         lengths_m: Of all roads.
     """
     anywhere = OFF_MAP_PRIOR / (2.0 * lengths_m)
-    tables = np.stack([_log_densities(one, float(anywhere[one.road])) for one in trials])
-    weight, samples = np.array([(one.weight, one.samples) for one in trials]).T
+    tables = np.stack([_log_densities(one, float(anywhere[at]), prior) for at, one in windows])
+    weight, samples = sizes.T
     best, best_log = (0.0, 1.0, 0.0), -np.inf
     for once, each in product(INFORMATION_ONCE, INFORMATION_EACH):
         temperature = weight / np.minimum(once + each * weight, samples)
@@ -145,18 +155,21 @@ def _at_temperatures(
     return np.asarray(tables[rows, low] * (1.0 - share) + tables[rows, low + 1] * share)
 
 
-def _log_densities(one: Trial, anywhere: float) -> Float[np.ndarray, "temperatures errors"]:
+def _log_densities(
+    truth: HeldOut, anywhere: float, prior: OffsetPrior
+) -> Float[np.ndarray, "temperatures errors"]:
     """
     Log of the posterior per metre at the truth, for every temperature and error of the truth.
 
     Asked on the window's own road alone: there all curves lack the window's day, while in the whole
     map only its own road's do, which would make the others look better than they are.
     """
-    own, truth = one.own, one.truth
+    own = truth.places
     driven = np.where(own.sign == truth.sign)[0]
     miss_m, width_m = own.chainage_m[driven] - truth.chainage_m, own.width_m[driven]
     near = np.stack([_nearness(miss_m, width_m, sd_m) for sd_m in POSITION_SDS_M], axis=1)
-    mass = np.stack([masses(own, float(t))[driven] for t in TEMPERATURES])
+    tempered = [masses(with_offset(own, prior.at(t)), t)[driven] for t in TEMPERATURES.tolist()]
+    mass = np.stack(tempered)
     return np.asarray(np.log((1.0 - OFF_MAP_PRIOR) * (mass @ near) + anywhere))
 
 

@@ -33,6 +33,11 @@ def numbers(cells: Sequence[str]) -> Int[np.ndarray, " cells"]:
     return np.array([known.setdefault(carrier_of(c), len(known)) for c in cells], dtype=np.intp)
 
 
+def count(carrier: Int[np.ndarray, " cells"]) -> int:
+    """How many carriers the cells are of; one where there is no cell."""
+    return max(int(carrier.max(initial=0)) + 1, 1)
+
+
 def carriers_of(cells: Iterable[str], others: Iterable[str] = ()) -> tuple[str, ...]:
     """The cells' carriers in the order in which they are first named, then ``others``."""
     return tuple(dict.fromkeys([*map(carrier_of, cells), *others]))

@@ -28,7 +28,8 @@ from app.numerics.corners import (
     worth_laying,
 )
 from app.numerics.index import MapIndex
-from app.numerics.observation import TERMS, offset_gain
+from app.numerics.observation import TERMS
+from app.numerics.offsets import take_offsets
 from app.numerics.posterior import kept_by_mass
 from app.numerics.query import Query
 from app.numerics.tapes import COARSE_STEPS_M, GAP, NUMBERS, CoarsePlaces, CoarseProfile
@@ -259,7 +260,7 @@ def _score_tape(
             (level.blocks, level.outside),
             level.positions,
             level.step_m,
-            index.likelihood,
+            query.likelihood(index),
             score,
             () if arms is None else (arms.where, arms.parts),
         )
@@ -269,7 +270,7 @@ def _score_tape(
     behind = aim.behind[:, None]
     ways = np.concatenate((level.positions - behind, level.positions + behind), axis=1)
     factors = merged(aim.factors)
-    plain, residual, weight = score_positions(rows, factors, ways)
-    score[:] = plain + offset_gain(residual, weight, index.offset_prior)
+    plain, *sums = score_positions(rows, factors, ways)
+    score[:] = plain + take_offsets(np.array(sums), query.prior(index)).gain
     if arms is not None:
         score_arms(factors, aim.behind, rows, arms)

@@ -2,7 +2,7 @@
 The score of one place, taken apart: what each sample and cell adds to it.
 
 `app.numerics.alignment` adds everything up in one matrix product. Here the same sum is written out
-term by term, plainly and slowly, for one place. With some device offset ``b``,
+term by term, plainly and slowly, for one place. With some offset ``b`` of each cell's carrier,
 
     score = sum over samples and cells of (level + hearing)  +  sum over silent cells  +  offset
 
@@ -19,17 +19,19 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from app.numerics import carriers
 from app.numerics.carriers import carrier_of, numbers_in
 from app.numerics.corners import TURN_SHARE
+from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex, RoadIndex
-from app.numerics.observation import (
-    CENTRE_DBM,
-    HEARING_WEIGHT,
-    OUTSIDE_HEARD,
-    TERMS,
-    Evidence,
+from app.numerics.observation import HEARING_WEIGHT, OUTSIDE_HEARD, TERMS, Evidence
+from app.numerics.offsets import (
+    OffsetPrior,
+    Taken,
+    carrier_offsets_db,
     offset_db,
     offset_gain_at,
+    take_offsets,
 )
 from app.numerics.paths import Way, road_along
 from app.numerics.query import Query
@@ -56,7 +58,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Laid:
+class LaidAt:
     """Where a place lies on what its window was driven along: a road, or a way as a road."""
 
     road: RoadIndex
@@ -64,18 +66,20 @@ class _Laid:
     chainage_m: float
 
 
-def _laid(index: MapIndex, place: Place, length_m: float) -> _Laid:
+def laid_at(index: MapIndex, place: Place, length_m: float) -> LaidAt:
     """
+    Where a place lies on what a window was driven along.
+
     Args:
         length_m: Of the window.
     """
     way = place.way
     if way is None:
-        return _Laid(index.roads[place.road], place.sign, place.chainage_m)
+        return LaidAt(index.roads[place.road], place.sign, place.chainage_m)
     past_m = round(way.sign * (place.chainage_m - way.entered_m))
     before_m = max(math.ceil(length_m) + 1 - past_m, 1)
     road = road_along(index, way, (-before_m, past_m + 1))
-    return _Laid(road, 1, float(before_m + past_m))
+    return LaidAt(road, 1, float(before_m + past_m))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,10 +90,10 @@ class Contributions:
     Attributes:
         level, hearing: Of each of the query's samples (newest first) and cells.
         silent: Of each cell that the road has and the window did not hear at all.
-        offset: Of the device offset; the same for all cells.
-        offset_db: The offset that was taken out of ``level``.
-        residual, weight: For the offset, see `app.numerics.observation`.
-        gain: What the offset added to the score of the matcher.
+        offset: Of the offsets of the device and its carriers.
+        offset_db: The offsets that were taken out of ``level``. Shape ``(cells,)``.
+        residual, weight: For the device's offset, see `app.numerics.offsets`.
+        gain: What the device's offset added to the score of the matcher.
     """
 
     place: Place
@@ -97,7 +101,7 @@ class Contributions:
     hearing: Float[np.ndarray, "samples cells"]
     silent: dict[str, float]
     offset: float
-    offset_db: float
+    offset_db: Floats
     residual: float
     weight: float
     gain: float
@@ -110,7 +114,7 @@ class Contributions:
 
 
 def contributions(
-    index: MapIndex, query: Query, place: Place, device_db: float | None = None
+    index: MapIndex, query: Query, place: Place, device_db: Floats | None = None
 ) -> Contributions:
     """
     Take the score of a window at a place apart.
@@ -119,9 +123,10 @@ def contributions(
     `app.numerics.refinement` has it.
 
     Args:
-        device_db: The device offset to take out of the levels; None = the one that fits the place.
+        device_db: The offsets of all cells to take out of the levels; None = those that fit the
+            place.
     """
-    laid = _laid(index, place, query.length_m)
+    laid = laid_at(index, place, query.length_m)
     road, at = laid.road, laid.chainage_m / laid.road.step_m
     low = min(int(at), road.grid_size - 2)
     share = min(at - low, 1.0)
@@ -131,22 +136,24 @@ def contributions(
     level = here.level + share * (there.level - here.level) + bend
     residual = here.residual + share * (there.residual - here.residual)
     weight = here.weight + share * (there.weight - here.weight)
-    gain = _gain(index, here, there, share)
-    total_residual, total_weight = float(residual.sum()), float(weight.sum())
+    prior = query.prior(index)
+    taken = _between(_taken(query, here, prior), _taken(query, there, prior), share, prior)
     if device_db is None:
-        device_db = offset_db(total_residual, total_weight, index.offset_prior)
+        device_db = _offsets_db(query, residual, weight, prior)
+    moved = device_db * residual - 0.5 * device_db**2 * weight
+    total_residual, total_weight = float(taken.residual[0]), float(taken.weight[0])
     return Contributions(
         place=place,
-        level=level + device_db * residual - 0.5 * device_db**2 * weight,
+        level=level + moved,
         hearing=here.hearing + share * (there.hearing - here.hearing),
         silent={
             cell: one + share * (there.silent[cell] - one) for cell, one in here.silent.items()
         },
-        offset=gain - device_db * total_residual + 0.5 * device_db**2 * total_weight,
+        offset=float(taken.gain[0] - moved.sum()),
         offset_db=device_db,
         residual=total_residual,
         weight=total_weight,
-        gain=gain,
+        gain=offset_gain_at(total_residual, total_weight, prior),
     )
 
 
@@ -212,15 +219,34 @@ def _alike(cells: tuple[str, ...], others: tuple[str, ...]) -> Bool[np.ndarray, 
     return np.array(same, dtype=bool).reshape(len(cells), len(others))
 
 
-def _gain(index: MapIndex, here: _Terms, there: _Terms, share: float) -> float:
-    """What integrating over the device offset adds, between grid positions as `between` has it."""
-    prior = index.offset_prior
-    ends = [(float(one.residual.sum()), float(one.weight.sum())) for one in (here, there)]
-    first, last = (offset_gain_at(*one, prior) for one in ends)
-    (from_residual, from_weight), (to_residual, _) = ends
-    like_db2 = prior.like_db2
-    taken = 0.5 * (to_residual - from_residual) ** 2 * like_db2 / (1.0 + from_weight * like_db2)
-    return first + share * (last - first) - taken * share * (1.0 - share)
+def _sums(query: Query, residual: Floats, weight: Floats) -> Float[np.ndarray, "sums 1"]:
+    """Residual and weight of the first carrier, of the second, and so on."""
+    sums = np.zeros((2 * carriers.count(query.carrier), 1))
+    np.add.at(sums[::2, 0], query.carrier, residual.sum(axis=0))
+    np.add.at(sums[1::2, 0], query.carrier, weight.sum(axis=0))
+    return sums
+
+
+def _taken(query: Query, terms: _Terms, prior: OffsetPrior) -> Taken:
+    return take_offsets(_sums(query, terms.residual, terms.weight), prior)
+
+
+def _between(here: Taken, there: Taken, share: float, prior: OffsetPrior) -> Taken:
+    """What offsets take between grid positions, as `app.numerics.refinement.between` has it."""
+    like_db2 = prior.like_db2 / prior.temperature
+    gain, residual, weight = (
+        one + share * (other - one) for one, other in zip(here, there, strict=True)
+    )
+    bend = 0.5 * (there.residual - here.residual) ** 2 * like_db2 / (1.0 + here.weight * like_db2)
+    return Taken(gain - bend * share * (1.0 - share), residual, weight)
+
+
+def _offsets_db(query: Query, residual: Floats, weight: Floats, prior: OffsetPrior) -> Floats:
+    """Of each cell, the offsets of its carrier and of the device that fit a place."""
+    sums = _sums(query, residual, weight)
+    _, left, counts = take_offsets(sums, prior)
+    device_db = offset_db(float(left[0]), float(counts[0]), prior)
+    return carrier_offsets_db(sums[:, 0], device_db, prior)[query.carrier]
 
 
 def cell_terms(
@@ -242,50 +268,3 @@ def _of_cells(
         if row >= 0:
             out[:, :, at] = rows[row * terms : (row + 1) * terms, columns]
     return out
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Expected:
-    """
-    What the map expects of samples behind a place, one row a sample.
-
-    Attributes:
-        rsrp_dbm, spread_db: Level and its spread; NaN where the cell is not mapped.
-        hearing: Probability of hearing the cell, 0 where it is not mapped, NaN beyond the road.
-    """
-
-    rsrp_dbm: Float[np.ndarray, "samples cells"]
-    spread_db: Float[np.ndarray, "samples cells"]
-    hearing: Float[np.ndarray, "samples cells"]
-
-
-def expected(
-    index: MapIndex,
-    place: Place,
-    cells: tuple[str, ...],
-    behind_m: Float[np.ndarray, " samples"],
-) -> Expected:
-    """What the map expects of each sample, straight between the grid positions about it."""
-    laid = _laid(index, place, float(behind_m.max(initial=0.0)))
-    road = laid.road
-    at = (laid.chainage_m - laid.sign * behind_m) / road.step_m + 1.0
-    at = np.clip(at, 0.0, road.along.columns - 1.0)
-    low = np.minimum(at.astype(np.intp), road.along.columns - 2)
-    near = _expected_at(road, cells, np.rint(at).astype(np.intp))
-    left, right = (_expected_at(road, cells, low + step) for step in (0, 1))
-    share = (at - low)[:, None]
-    mixed = left + share * (right - left)
-    return Expected(*np.where(np.isnan(mixed) | np.isnan(near), near, mixed))
-
-
-def _expected_at(
-    road: RoadIndex, cells: tuple[str, ...], columns: Int[np.ndarray, " samples"]
-) -> Float[np.ndarray, "3 samples cells"]:
-    precision, aimed, _, logit, _ = cell_terms(road, cells, columns)
-    mapped = precision > 0.0
-    safe = np.where(mapped, precision, 1.0)
-    level = np.where(mapped, aimed / safe + CENTRE_DBM, np.nan)
-    hearing = np.where(mapped, 1.0 / (1.0 + np.exp(-logit)), 0.0)
-    outside = road.along.rows[-1, columns] > 0.0
-    hearing[outside] = np.nan
-    return np.stack([level, np.where(mapped, safe**-0.5, np.nan), hearing])

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from app.numerics import native
+from app.numerics import carriers, native
 from app.numerics.index import MapIndex
 from app.numerics.motion import TURN, Leg
-from app.numerics.observation import offset_gain
+from app.numerics.offsets import take_offsets
 from app.numerics.paths import Way, places_along
 from app.numerics.posterior import Places
 from app.numerics.query import Query
@@ -39,14 +39,14 @@ class Laid:
 
     Attributes:
         turns: Numbers of the turns whose roads both lie on the window's tapes; None = all.
-        parts: Score, residual and weight of the half of the window that lies on each arm, when it
-            ends 1, 2, ... columns past the junction.
+        parts: Score, and residual and weight of each carrier, of the half of the window that lies
+            on each arm, when it ends 1, 2, ... columns past the junction.
     """
 
     level: TurnLevel
     step_m: float
     turns: Int[np.ndarray, " turns"] | None
-    parts: Float32[np.ndarray, "arms 3 ends"]
+    parts: Float32[np.ndarray, "arms channels ends"]
 
     def of(self, tape: int) -> LaidArms:
         """One tape's arms, their parts to be filled in."""
@@ -59,7 +59,7 @@ class LaidArms:
     """Arms of one tape (`app.numerics.turns.Arms`), and the window's parts on them."""
 
     where: Int[np.ndarray, "3 arms"]
-    parts: Float32[np.ndarray, "arms 3 ends"]
+    parts: Float32[np.ndarray, "arms channels ends"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,8 @@ def lay(index: MapIndex, query: Query, size: int, tapes: list[int]) -> Laid:
         there = np.zeros(len(index.tapes), dtype=bool)
         there[tapes] = True
         considered = (there[turns.tape] & there[turns.from_tape]).nonzero()[0]
-    parts = np.empty((level.total, 3, ends), dtype=np.float32)
+    channels = 1 + 2 * carriers.count(query.carrier)
+    parts = np.empty((level.total, channels, ends), dtype=np.float32)
     return Laid(level, step_m, considered, parts)
 
 
@@ -124,10 +125,10 @@ def score_turns(index: MapIndex, query: Query, laid: Laid) -> Float32[np.ndarray
     first = max(int(np.ceil(EDGE_M / laid.step_m)), 1)
     span = (first, count + 1 - first)
     if query.told is not None:
-        return native.score_turns(laid.parts, (onto, off, room), span, index.likelihood)
-    score, residual, weight = (laid.parts[onto] + laid.parts[off]).swapaxes(0, 1)
-    gain = offset_gain(residual.ravel(), weight.ravel(), index.offset_prior)
-    score = score + gain.reshape(score.shape)
+        return native.score_turns(laid.parts, (onto, off, room), span, query.likelihood(index))
+    score, *sums = (laid.parts[onto] + laid.parts[off]).swapaxes(0, 1)
+    taken = take_offsets(np.array([one.ravel() for one in sums]), query.prior(index))
+    score = score + taken.gain.reshape(score.shape)
     ends = np.arange(1, count + 1)
     there = (ends >= span[0]) & (ends <= span[1]) & (ends <= room[:, None])
     return np.where(there, score, NEVER).astype(np.float32)

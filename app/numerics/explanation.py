@@ -14,8 +14,10 @@ from jaxtyping import Bool, Float
 
 from app.domain import FEATURE_KINDS, Direction, Fix, Window
 from app.numerics import native
-from app.numerics.contributions import Contributions, Expected, Place, contributions, expected
+from app.numerics.contributions import Contributions, Place, contributions
+from app.numerics.expected import Expected, expected
 from app.numerics.features import feature_matrix
+from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
 from app.numerics.query import Query, ask
 from app.numerics.rivals import answered_place, runner_up
@@ -178,7 +180,7 @@ class _Sight:
     rsrp_dbm: Float[np.ndarray, "samples cells"]
     reference: str
 
-    def account(self, place: Place, device_db: float | None = None) -> Account:
+    def account(self, place: Place, device_db: Floats | None = None) -> Account:
         road, cells = self.index.roads[place.road], self.query.cells
         told = contributions(self.index, self.query, place, device_db)
         there = expected(self.index, place, cells, self.behind_m)
@@ -211,7 +213,7 @@ class _Sight:
             out[DIFFERENCE] = np.nan
         return out
 
-    def _predicted(self, there: Expected, offset_db: float) -> Float[np.ndarray, "kinds cells"]:
+    def _predicted(self, there: Expected, offset_db: Floats) -> Float[np.ndarray, "kinds cells"]:
         """What this device would have had: levels on the curves where it heard, and their noise."""
         heard = ~np.isnan(self.rsrp_dbm) & ~np.isnan(there.rsrp_dbm)
         out = self.features(np.where(heard, there.rsrp_dbm + offset_db, np.nan))

@@ -20,7 +20,7 @@ from app.numerics.evidence_table import HeldOut, pack
 from app.numerics.index import road_profile
 from app.numerics.observation import Evidence, Profile
 from app.numerics.passes import RoadPass
-from app.numerics.posterior import VALUES, Places
+from app.numerics.posterior import SCORE, Places
 from app.numerics.query import Aim, prepare
 from app.numerics.refinement import bend_along, between
 from app.numerics.tapes import BOTH
@@ -76,7 +76,7 @@ def held_out_evidence(
         refit: Fits a surface to some of them, registered among themselves alone.
 
     Returns:
-        See `app.numerics.evidence_table`. Shape ``(rows, 8)``, float32.
+        See `app.numerics.evidence_table`. Float32.
     """
     folds = _folds(passes)
     found: list[HeldOut] = []
@@ -175,15 +175,15 @@ def _held_out(
     names = tuple(cells[column] for column in heard)
     query = prepare(names, (), travelled_m, rsrp[:, heard])
     aim = query.aim(columns_of(cells), step_m)
-    values = np.zeros((VALUES, 2, along.columns - 2))
+    values = np.zeros((SCORE + len(aim.factors), 2, along.columns - 2))
     grid_m = np.arange(along.columns - 2) * step_m
     for way, sign in enumerate(BOTH):
-        values[2:, way] = align(along, aim, 1, along.columns - 2, sign)
+        values[SCORE:, way] = align(along, aim, 1, along.columns - 2, sign)
         values[0, way], values[1, way] = grid_m, step_m
     signs = np.repeat(np.array(BOTH), len(grid_m))
     where = np.stack([np.zeros_like(signs), signs])
     true_m = float(one.chainage_m[last])
-    coarser = _thinned(Places(where, values.reshape(VALUES, -1)), true_m)
+    coarser = _thinned(Places(where, values.reshape(len(values), -1)), true_m)
     places = _finer(coarser, along, aim, query.fine, (true_m, step_m))
     return [
         HeldOut(

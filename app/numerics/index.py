@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from app.domain import Calibration, RadioMap, RoadModel
-from app.numerics import native
 from app.numerics.carriers import carrier_of, carriers_of, columns_of
 from app.numerics.geodesy import Floats, LonLat
 from app.numerics.graph import RoadGraph
 from app.numerics.lines import headings_deg, point_at
 from app.numerics.neighbourhoods import planes
-from app.numerics.observation import OffsetPrior, Profile, profile
+from app.numerics.observation import Profile, profile
+from app.numerics.offsets import OffsetPrior
 from app.numerics.salient import Salient
 from app.numerics.tapes import lay_tapes, places_of
 from app.numerics.turns import Grounds, find_turns
@@ -100,8 +100,9 @@ class MapIndex:
     ) -> None:
         self.version = radio_map.version
         self.calibration = radio_map.calibration
-        self.offset_prior = OffsetPrior.learnt(radio_map.calibration.offset_sd_db)
-        self.likelihood = native.likelihood(self.offset_prior)
+        self.offset_prior = OffsetPrior.learnt(
+            radio_map.calibration.offset_sd_db, carriers=len(carriers)
+        )
         self.roads = tuple(roads)
         self.road_ids = tuple(road.road_id for road in roads)
         self.lengths_m = np.array([road.length_m for road in roads])
@@ -119,8 +120,9 @@ class MapIndex:
         """The same roads under another calibration; arrays are shared."""
         other = copy(self)
         other.calibration = calibration
-        other.offset_prior = OffsetPrior.learnt(calibration.offset_sd_db)
-        other.likelihood = native.likelihood(other.offset_prior)
+        other.offset_prior = OffsetPrior.learnt(
+            calibration.offset_sd_db, carriers=len(self.carriers)
+        )
         return other
 
     @classmethod

@@ -21,8 +21,8 @@ from app.numerics.observation import (
     HEARING_WEIGHT,
     OUTSIDE_HEARD,
     Evidence,
-    OffsetPrior,
 )
+from app.numerics.offsets import OffsetPrior
 from app.numerics.posterior import VALUES, Places
 
 try:
@@ -30,18 +30,24 @@ try:
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 6  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 7  # a library left by an older version of the code is not used
 
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
 Rival = tuple[int, int, int, float, float, float, float]
-Likelihood = tuple[float, float, float, float, float, float]
+Likelihood = tuple[float, float, float, float, float, float, float, float]
 
 
 def likelihood(prior: OffsetPrior) -> Likelihood:
-    """The constants of `app.numerics.observation` and a map's prior, as the kernels take them."""
-    offset = (prior.like_db2, prior.like_log, prior.any_db2, prior.any_log)
-    return (HEARING_WEIGHT, math.log(OUTSIDE_HEARD), *offset)
+    """
+    The constants of `app.numerics.observation` and a window's prior, as the kernels take them:
+    variances are divided by its temperature, which is the last of all.
+    """
+    cooled = 1.0 / prior.temperature
+    like = (prior.like_db2 * cooled, prior.like_log)
+    broad = (prior.any_db2 * cooled, prior.any_log)
+    more = (prior.carrier_db2 * cooled, prior.temperature)
+    return (HEARING_WEIGHT, math.log(OUTSIDE_HEARD), *like, *broad, *more)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,10 +59,12 @@ class Told:
         block: ``behind_m``, ``weight``, ``rsrp_db``, ``heard`` and ``share`` of an `Evidence`, end
             to end; what follows them is unused.
         samples: How many samples the evidence has.
+        carrier: Number of each cell's carrier among the window's, from 0 on.
     """
 
     block: Float[np.ndarray, " numbers"]
     samples: int
+    carrier: list[int]
 
 
 class Aimed(NamedTuple):
@@ -64,13 +72,14 @@ class Aimed(NamedTuple):
     A window for one profile.
 
     Attributes:
-        block, samples: See `Told`.
+        block, samples, carrier: See `Told`.
         numbers: Of the window's cells in the profile, -1 where it lacks one.
     """
 
     block: Float[np.ndarray, " numbers"]
     samples: int
     numbers: list[int]
+    carrier: list[int]
 
 
 def heard_columns(rsrp_dbm: Float[np.ndarray, "samples cells"]) -> list[int]:
@@ -85,8 +94,14 @@ def evidence(
     step_m: float,
     carrier: list[int],
 ) -> tuple[Told, Evidence]:
-    """Twin of `app.numerics.observation.evidence` for some columns, in both forms."""
+    """
+    Twin of `app.numerics.observation.evidence` for some columns, in both forms.
+
+    Args:
+        carrier: Number of each column's carrier, any numbers.
+    """
     count = len(columns)
+    order = {number: at for at, number in enumerate(dict.fromkeys(carrier))}
     block = np.empty(len(distance_m) * (2 + 3 * count))
     samples = _native.evidence(
         np.ascontiguousarray(distance_m, dtype=np.float64),
@@ -106,7 +121,7 @@ def evidence(
         block[share:end].reshape(samples, count),
         block[samples:level],
     )
-    return Told(block, samples), seen
+    return Told(block, samples, [order[number] for number in carrier]), seen
 
 
 def score_tape(
@@ -116,7 +131,7 @@ def score_tape(
     step_m: float,
     terms: Likelihood,
     score: Float32[np.ndarray, " scores"],
-    arms: tuple[()] | tuple[Wholes, Float32[np.ndarray, "arms 3 ends"]] = (),
+    arms: tuple[()] | tuple[Wholes, Float32[np.ndarray, "arms channels ends"]] = (),
 ) -> None:
     """
     Fill in scores of all positions of a tape in one direction of travel, then in the other.
@@ -130,7 +145,7 @@ def score_tape(
 
 
 def score_turns(
-    parts: Float32[np.ndarray, "arms 3 ends"],
+    parts: Float32[np.ndarray, "arms channels ends"],
     turns: tuple[Wholes, Wholes, Wholes],
     span: tuple[int, int],
     terms: Likelihood,

@@ -66,6 +66,7 @@ def under_factors(
         told.block,
         told.samples,
         stretches[0][2],
+        told.carrier,
         stretches,
         *factors,
         terms,

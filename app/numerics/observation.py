@@ -2,10 +2,10 @@
 What a window says of a place: the likelihood that every matcher shares.
 
 A sample of a vehicle at chainage ``s`` hears cell ``k`` with probability ``p_k(s)`` and reads it as
-``N(mu_k(s) + b, sigma_k(s)^2)``, where ``b`` is the device's offset, common to the window. Readings
-are compared with a featureless background (any level within 50 dB, any cell), so that scores of
-places that know different cells compare. For one sample the logarithm is linear in five terms of
-the map, which is why whole roads are scored by one matrix product:
+``N(mu_k(s) + b, sigma_k(s)^2)``, where ``b`` is the offset of device and carrier
+(`app.numerics.offsets`). Readings are compared with a featureless background (any level within
+50 dB, any cell), so that scores of places that know different cells compare. For one sample the
+logarithm is linear in five terms of the map, which is why whole roads are scored by one product:
 
     sum over heard k of [-1/2 (A y^2 - 2 B y + C) + h (L + S / n)]
 
@@ -18,7 +18,6 @@ every digit that matters.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,14 +29,11 @@ from app.numerics import carriers
 CENTRE_DBM = -95.0
 BACKGROUND_SPAN_DB = 50.0  # phones report some 50 dB of useful RSRP; any level in it is as likely
 HEARD_FLOOR = 0.02  # a cell may appear, or fail to, wherever the survey says otherwise
-HEARING_WEIGHT = 0.3  # hearing is far more alike from sample to sample than levels are
+HEARING_WEIGHT = 0.45  # hearing is far more alike from sample to sample than levels are
 CORRELATION_M = 10.0  # closer samples share shadowing and count as one; the map's temperature, too
 OUTSIDE_HEARD = 0.03  # chance of a reading off the road: windows rarely begin on another one
-BROAD_OFFSET_SD_DB = 6.0  # devices differ by up to 8 dB
-BROAD_OFFSET_SHARE = 0.1  # how often a device is unlike those of the surveys
 
 TERMS = 5  # A, B, C, L, S: see the module's text
-CHANNELS = 3  # score, weighted residual, weight: what marginalising the offset needs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,87 +185,32 @@ def sample_weight(behind_m: Float[np.ndarray, " samples"]) -> Float[np.ndarray, 
     return np.minimum(share_m * (1.0 / CORRELATION_M), 1.0)
 
 
-def coefficients(seen: Evidence) -> Float[np.ndarray, "channels samples rows"]:
+def coefficients(
+    seen: Evidence, carrier: Int[np.ndarray, " cells"]
+) -> Float[np.ndarray, "channels samples rows"]:
     """
     The window's side of the likelihood: what multiplies each of a profile's rows.
 
-    Three channels: the score, the weighted residual and the weight, per sample. Rows are the five
-    terms of each cell of the window, then "outside the road".
+    Channels: the score, then of each carrier the weighted residual and the weight, which
+    integrating offsets out needs (`app.numerics.offsets`). Rows are the five terms of each cell of
+    the window, then "outside the road".
+
+    Args:
+        carrier: Number of each cell's carrier.
     """
     samples, count = seen.heard.shape
     heard = seen.heard * seen.weight[:, None]
     heard_level = heard * seen.rsrp_db
-    out = np.zeros((CHANNELS, samples, count * TERMS + 1))
-    by_cell = out[:, :, :-1].reshape(CHANNELS, samples, count, TERMS)
+    cells, channel = np.arange(count), 1 + 2 * carrier
+    out = np.zeros((1 + 2 * carriers.count(carrier), samples, count * TERMS + 1))
+    by_cell = out[:, :, :-1].reshape(len(out), samples, count, TERMS)
     by_cell[0, :, :, 0] = -0.5 * heard_level * seen.rsrp_db
     by_cell[0, :, :, 1] = heard_level
     by_cell[0, :, :, 2] = -0.5 * heard
     by_cell[0, :, :, 3] = HEARING_WEIGHT * heard
     by_cell[0, :, :, 4] = HEARING_WEIGHT * seen.weight[:, None] * seen.share
-    by_cell[1, :, :, 0] = heard_level
-    by_cell[1, :, :, 1] = -heard
-    by_cell[2, :, :, 0] = heard
+    by_cell[channel, :, cells, 0] = heard_level.T
+    by_cell[channel, :, cells, 1] = -heard.T
+    by_cell[channel + 1, :, cells, 0] = heard.T
     out[0, :, -1] = (HEARING_WEIGHT * np.log(OUTSIDE_HEARD)) * heard.sum(axis=1)
     return out
-
-
-@dataclass(frozen=True, slots=True)
-class OffsetPrior:
-    """
-    What a device's offset may be: like the surveys' devices, ``N(0, sd^2)``, or any device,
-    ``N(0, BROAD_OFFSET_SD_DB^2)``; each part as its variance and the log of its share.
-    """
-
-    like_db2: float
-    like_log: float
-    any_db2: float
-    any_log: float
-
-    @classmethod
-    def learnt(cls, offset_sd_db: float) -> OffsetPrior:
-        """The prior of a map whose survey devices differ by ``offset_sd_db``."""
-        return cls(
-            max(offset_sd_db, 1e-2) ** 2,
-            float(np.log(1.0 - BROAD_OFFSET_SHARE)),
-            max(BROAD_OFFSET_SD_DB, offset_sd_db) ** 2,
-            float(np.log(BROAD_OFFSET_SHARE)),
-        )
-
-
-def offset_gain(
-    residual: Float[np.ndarray, " places"], weight: Float[np.ndarray, " places"], prior: OffsetPrior
-) -> Float[np.ndarray, " places"]:
-    """
-    What integrating the device offset out adds to the score.
-
-    With residual ``R`` and weight ``W`` of `coefficients`, a part of variance ``v`` adds
-    ``R^2 v / (2 (1 + W v)) - log(1 + W v) / 2``; the parts are then mixed by their shares.
-    """
-    squared = 0.5 * residual * residual
-    like, broad = weight * prior.like_db2 + 1.0, weight * prior.any_db2 + 1.0
-    first = squared * (prior.like_db2 / like) - 0.5 * np.log(like) + prior.like_log
-    second = squared * (prior.any_db2 / broad) - 0.5 * np.log(broad) + prior.any_log
-    return np.asarray(np.logaddexp(first, second))
-
-
-def offset_gain_at(residual: float, weight: float, prior: OffsetPrior) -> float:
-    """`offset_gain` at one place."""
-    (first, _), (second, _) = _offset_parts(residual, weight, prior)
-    return max(first, second) + math.log1p(math.exp(-abs(first - second)))
-
-
-def offset_db(residual: float, weight: float, prior: OffsetPrior) -> float:
-    """Mean of the device offset given the residual and weight at one place, in dB."""
-    (first_log, first_db), (second_log, second_db) = _offset_parts(residual, weight, prior)
-    odds = math.exp(max(min(second_log - first_log, 50.0), -50.0))
-    return (first_db + odds * second_db) / (1.0 + odds)
-
-
-def _offset_parts(residual: float, weight: float, prior: OffsetPrior) -> list[tuple[float, float]]:
-    """Of each part of the prior: the log of what it adds to the likelihood, and its mean in dB."""
-    parts = []
-    for variance, log_share in ((prior.like_db2, prior.like_log), (prior.any_db2, prior.any_log)):
-        inflation = 1.0 + weight * variance
-        log = log_share + 0.5 * residual**2 * variance / inflation - 0.5 * math.log(inflation)
-        parts.append((log, residual * variance / inflation))
-    return parts

@@ -155,7 +155,9 @@ def _in_c(
     priors = (factors.value, factors.log_prior, temperature)
     drawn = (atlas.step_m, DRAWN_FROM * temperature, AROUND, MIN_ROW, MOST_ROWS, PARTS)
     return Others(
-        *native_factors.under_factors(told, stretches, priors, index.likelihood, drawn, before)
+        *native_factors.under_factors(
+            told, stretches, priors, query.likelihood(index), drawn, before
+        )
     )
 
 

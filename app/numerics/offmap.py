@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from app.domain import Calibration
-from app.numerics.observation import Evidence, OffsetPrior, offset_gain_at
+from app.numerics.observation import Evidence
+from app.numerics.offsets import OffsetPrior, offset_gain_at
 
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
 TYPICAL_DB = 1.0  # devices of one kind differ by about so much

@@ -18,7 +18,8 @@ from app.numerics.alignment import score_positions
 from app.numerics.carriers import columns_of, numbers_in
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.motion import Branch, Leg
-from app.numerics.observation import TERMS, Profile, offset_gain
+from app.numerics.observation import TERMS, Profile
+from app.numerics.offsets import take_offsets
 from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
 from app.numerics.query import FINE_STEP_M, Query
 
@@ -89,9 +90,10 @@ def places_along(index: MapIndex, query: Query, way: Way, span: tuple[int, int])
     else:
         behind = np.rint(query.fine.behind_m / FINE_STEP_M).astype(np.intp)
         columns = np.maximum(before + ends - behind[:, None], 0)
-        score, residual, weight = score_positions(rows.astype(float), query.factors, columns)
-        values[SCORE] = score + offset_gain(residual, weight, index.offset_prior)
-        values[RESIDUAL], values[WEIGHT] = residual, weight
+        score, *sums = score_positions(rows.astype(float), query.factors, columns)
+        taken = take_offsets(np.array(sums), query.prior(index))
+        values[SCORE] = score + taken.gain
+        values[RESIDUAL], values[WEIGHT] = taken.residual, taken.weight
     road = index.roads[way.road]
     values[CHAINAGE] = np.clip(way.entered_m + way.sign * ends, 0.0, road.length_m)
     values[WIDTH] = FINE_STEP_M
@@ -108,10 +110,11 @@ def _lay(
 ) -> None:
     """Twin of the numpy code above: the way is a road whose profile is ``rows``."""
     profile = np.concatenate((rows[:, :1], rows, rows[:, -1:]), axis=1)
-    aimed = native.Aimed(told.block, told.samples, list(range(len(query.cells))))
+    aimed = native.Aimed(told.block, told.samples, list(range(len(query.cells))), told.carrier)
     metres = (FINE_STEP_M, float(rows.shape[1]))
     road, sign = places.where[:, 0].tolist()
-    native.score_stretch(aimed, profile, (road, 1, *span), metres, index.likelihood, places, 0)
+    terms = query.likelihood(index)
+    native.score_stretch(aimed, profile, (road, 1, *span), metres, terms, places, 0)
     places.where[1] = sign  # along the way all windows go forward
 
 

@@ -27,11 +27,12 @@ class Places:
         values: Rows in the order of the names above: chainage of the window's last sample in
             metres; length of road that the place stands for, its prior weight, as any metre of the
             map is as likely as any other; log likelihood against the background; residual and
-            weight for the device offset, see `app.numerics.observation.offset_db`.
+            weight for the device offset, see `app.numerics.offsets`. Held-out windows, whose scores
+            do not hold offsets yet, have a residual and a weight of each carrier.
     """
 
     where: Int[np.ndarray, "2 places"]
-    values: Float[np.ndarray, "5 places"]
+    values: Float[np.ndarray, "values places"]
 
     def __len__(self) -> int:
         return self.where.shape[1]

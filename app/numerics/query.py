@@ -13,6 +13,7 @@ from app.domain import Calibration, Window
 from app.numerics import carriers, native
 from app.numerics.index import MapIndex
 from app.numerics.observation import TERMS, Evidence, coefficients, evidence
+from app.numerics.offsets import OffsetPrior
 from app.numerics.tapes import COARSE_STEPS_M, GAP
 
 FINE_STEP_M = 1.0
@@ -34,7 +35,7 @@ class Aim:
 
     rows: Int[np.ndarray, " rows"] | None
     here: Int[np.ndarray, " chosen"] | None
-    factors: Float[np.ndarray, "3 samples rows"]
+    factors: Float[np.ndarray, "channels samples rows"]
     behind: Int[np.ndarray, " samples"]
 
     def cells(self, count: int) -> Int[np.ndarray, " chosen"]:
@@ -61,11 +62,27 @@ class Query:
     fine: Evidence
     told: native.Told | None = None
     _aims: dict[int, Aim] = field(default_factory=dict)
+    _terms: list[native.Likelihood] = field(default_factory=list)
 
     @cached_property
-    def factors(self) -> Float[np.ndarray, "3 samples rows"]:
+    def factors(self) -> Float[np.ndarray, "channels samples rows"]:
         """The readings' side of the likelihood."""
-        return coefficients(self.fine)
+        return coefficients(self.fine, self.carrier)
+
+    @cached_property
+    def carrier(self) -> Int[np.ndarray, " cells"]:
+        """Number of each cell's carrier among the window's."""
+        return carriers.numbers(self.cells)
+
+    def prior(self, index: MapIndex) -> OffsetPrior:
+        """What the device's offset may be, for this window."""
+        return index.offset_prior.at(self.temperature(index.calibration))
+
+    def likelihood(self, index: MapIndex) -> native.Likelihood:
+        """The same with the constants of the likelihood, for the kernels; worked out once."""
+        if not self._terms:
+            self._terms.append(native.likelihood(self.prior(index)))
+        return self._terms[0]
 
     @cached_property
     def weight(self) -> float:
@@ -111,7 +128,7 @@ class Query:
 
     def aimed(self, told: native.Told, column: dict[str, int]) -> native.Aimed:
         """Twin of `aim` for the kernels in C, which do the rest of it themselves."""
-        return native.Aimed(told.block, told.samples, self.numbers(column))
+        return native.Aimed(told.block, told.samples, self.numbers(column), told.carrier)
 
     def numbers(self, column: dict[str, int]) -> list[int]:
         """Each cell's column, its carrier's stand-in where it has none; -1 = not even that."""

@@ -50,7 +50,8 @@ def refine_each(
         The places, and how many of them are each query's now.
     """
     lowest = LIGHTEST * queries[0].temperature(index.calibration)
-    like_db2, size = index.offset_prior.like_db2, len(places) // len(queries)
+    prior, size = queries[0].prior(index), len(places) // len(queries)
+    like_db2 = prior.like_db2 / prior.temperature
     count = [size] * len(queries)
     for number, first, end in _peaks(index, queries[0], places, lowest):
         which = first // size
@@ -139,7 +140,8 @@ def between(
     Places at every share of the way between neighbours, the last neighbour included.
 
     Args:
-        like_db2: Variance of the device offset that the row's scores already hold; 0 = none.
+        like_db2: Variance of the device offset that the row's scores already hold, over the
+            window's temperature; 0 = none.
     """
     left = row.values[:, :-1]
     steps = row.values[:, 1:] - left

@@ -9,7 +9,7 @@ import numpy as np
 from app.numerics import native
 from app.numerics.alignment import align
 from app.numerics.index import MapIndex
-from app.numerics.observation import offset_gain
+from app.numerics.offsets import take_offsets
 from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
 from app.numerics.query import Query
 from app.numerics.tapes import BOTH
@@ -29,11 +29,11 @@ def lay(index: MapIndex, query: Query, stretches: Sequence[Stretch]) -> Places:
 def _lay(index: MapIndex, query: Query, told: native.Told, stretches: Sequence[Stretch]) -> Places:
     """The same with the kernels in C."""
     places = native.no_places(sum([last + 1 - first for _, _, first, last in stretches]))
-    at = 0
+    at, terms = 0, query.likelihood(index)
     for one in stretches:
         road = index.roads[one[0]]
         aimed, metres = query.aimed(told, road.column), (road.step_m, road.length_m)
-        native.score_stretch(aimed, road.along.rows, one, metres, index.likelihood, places, at)
+        native.score_stretch(aimed, road.along.rows, one, metres, terms, places, at)
         at += one[3] + 1 - one[2]
     return places
 
@@ -52,12 +52,13 @@ def whole_roads(index: MapIndex, query: Query) -> Places:
 def along(index: MapIndex, query: Query, number: int, sign: int, first: int, last: int) -> Places:
     """One stretch, with numpy: the definition."""
     road, aim = index.roads[number], query.aim_at(index, number)
-    score, residual, weight = align(road.along, aim, first + 1, last + 1, sign)
+    score, *sums = align(road.along, aim, first + 1, last + 1, sign)
+    taken = take_offsets(np.array(sums), query.prior(index))
     values = np.empty((VALUES, last + 1 - first))
     values[CHAINAGE] = np.arange(first, last + 1) * road.step_m
     values[WIDTH] = road.step_m
-    values[SCORE] = score + offset_gain(residual, weight, index.offset_prior)
-    values[RESIDUAL], values[WEIGHT] = residual, weight
+    values[SCORE] = score + taken.gain
+    values[RESIDUAL], values[WEIGHT] = taken.residual, taken.weight
     if last == road.grid_size - 1:
         values[CHAINAGE, -1] = road.length_m
     return Places(np.full((2, last + 1 - first), ((number,), (sign,))), values)

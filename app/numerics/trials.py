@@ -8,16 +8,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from app.domain import Calibration, RoadModel, Window
 from app.numerics import native
 from app.numerics.answer import fit_of_place
 from app.numerics.evidence_table import HeldOut, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, shortlist
-from app.numerics.observation import OffsetPrior, offset_gain
 from app.numerics.offmap import Fit
-from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, Places
-from app.numerics.query import Query, ask
+from app.numerics.offsets import OffsetPrior, take_offsets
+from app.numerics.posterior import RESIDUAL, SCORE, VALUES, WEIGHT, Places
+from app.numerics.query import Query, ask, prepare
 
 MOST_WINDOWS = 1500  # a city's are thinned to so many: calibration must not grow with the map
 HOPELESS = 150.0  # a score this far under the best has no mass at any temperature
@@ -26,12 +28,11 @@ HOPELESS = 150.0  # a score this far under the best has no mass at any temperatu
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
     """
-    One window's answer, before any temperature.
+    One window's answer, not divided by its temperature yet.
 
     Attributes:
         road: Number of its true road.
-        places: Of the whole map, its own road's first.
-        own: Of its own road alone.
+        places: Of the whole map, its own road's first, under the map's calibration.
         weight: What its samples weigh together; ``samples`` is how many they are.
         fit: How well it fits where it fits best, None where the map knows none of its cells.
         stranger_fit: The same in the map without its road.
@@ -40,7 +41,6 @@ class Trial:
     road: int
     truth: HeldOut
     places: Places
-    own: Places
     weight: float
     samples: int
     fit: Fit | None
@@ -66,16 +66,25 @@ def ask_all(
 
 
 def with_offset(places: Places, prior: OffsetPrior) -> Places:
-    """Places whose scores hold what the device's offset may explain."""
-    values = places.values.copy()
-    values[SCORE] += offset_gain(values[RESIDUAL], values[WEIGHT], prior)
+    """Places whose scores hold what the offsets may explain, for a window of the prior's."""
+    taken = take_offsets(places.values[RESIDUAL:], prior)
+    values = places.values[:VALUES].copy()
+    values[SCORE] += taken.gain
+    values[RESIDUAL], values[WEIGHT] = taken.residual, taken.weight
     return Places(places.where, values)
+
+
+def size_of(truth: HeldOut) -> tuple[float, int]:
+    """What a window's samples weigh together, and how many they are."""
+    silent = np.zeros((len(truth.distance_m), 0))
+    weight = prepare((), (), truth.distance_m, silent).fine.weight
+    return float(weight.sum()), len(weight)
 
 
 def _ask(index: MapIndex, model: RoadModel, number: int, truth: HeldOut) -> Trial:
     names = tuple(model.cells[column] for column in truth.cells.tolist())
     query = ask(index, Window(names, truth.distance_m, truth.rsrp_dbm), in_c=native.BUILT)
-    own = places = with_offset(truth.places, index.offset_prior)
+    places = own = with_offset(truth.places, query.prior(index))
     if len(index.roads) > 1:
         others = fine_places(index, query, shortlist(index, query, without=number))
         places = Places.join((own, others))
@@ -87,7 +96,6 @@ def _ask(index: MapIndex, model: RoadModel, number: int, truth: HeldOut) -> Tria
         number,
         truth,
         places.take(kept),
-        own,
         query.weight,
         len(query.fine.weight),
         _best_fit(index, query, places),

@@ -18,15 +18,19 @@ from app.domain import RoadModel, Window
 from app.numerics.carriers import NOTHING_KNOWN
 from app.numerics.observation import (
     BACKGROUND_SPAN_DB,
-    BROAD_OFFSET_SD_DB,
-    BROAD_OFFSET_SHARE,
     CORRELATION_M,
     HEARD_FLOOR,
     HEARING_WEIGHT,
     OUTSIDE_HEARD,
 )
+from app.numerics.offsets import (
+    BROAD_OFFSET_SD_DB,
+    BROAD_OFFSET_SHARE,
+    CARRIER_OFFSET_SD_DB,
+)
 
 OFFSETS_DB = np.arange(-60.0, 60.01, 0.05)
+OWN_DB = np.arange(-40.0, 40.01, 0.2)  # of one carrier
 
 
 @dataclass(frozen=True)
@@ -74,14 +78,23 @@ def weights(found: list[Reading]) -> list[float]:
 
 
 def log_likelihood(
-    model: RoadModel, found: list[Reading], place: int, sign: int, offset_db: float
+    model: RoadModel,
+    found: list[Reading],
+    place: int,
+    sign: int,
+    offset_db: float,
+    only: str | None = None,
 ) -> float:
-    """Of a window that ends at a grid position, less that of the background."""
+    """
+    Of a window that ends at a grid position, less that of the background.
+
+    ``only`` names the carrier that the offset is of; None = it is of all.
+    """
     total = 0.0
     for one, weight in zip(found, weights(found), strict=True):
         at = place - sign * int(np.rint(one.behind_m / model.step_m))
         if 0 <= at < len(model.mean_dbm):
-            total += weight * _one_place(model, one, at, offset_db)
+            total += weight * _one_place(model, one, at, offset_db, only)
         else:
             heard = sum(one.share.values())
             total += HEARING_WEIGHT * weight * heard * math.log(OUTSIDE_HEARD)
@@ -92,7 +105,9 @@ def _carrier(cell: str) -> str:
     return cell[: cell.rfind(":")] if ":" in cell else ""
 
 
-def _one_place(model: RoadModel, one: Reading, at: int, offset_db: float) -> float:
+def _one_place(
+    model: RoadModel, one: Reading, at: int, offset_db: float, only: str | None
+) -> float:
     total = 0.0
     listened = {_carrier(cell) for cell, share in one.share.items() if share > 0.0}
     for column, cell in enumerate(model.cells):
@@ -105,7 +120,8 @@ def _one_place(model: RoadModel, one: Reading, at: int, offset_db: float) -> flo
         column = model.cells.index(cell) if cell in model.cells else None
         if column is not None and not math.isnan(model.mean_dbm[at, column]):
             mean, spread = float(model.mean_dbm[at, column]), float(model.spread_db[at, column])
-            z = (one.level_dbm[cell] - mean - offset_db) / spread
+            moved = offset_db if only is None or _carrier(cell) == only else 0.0
+            z = (one.level_dbm[cell] - mean - moved) / spread
             density = -0.5 * z * z - math.log(spread * math.sqrt(2.0 * math.pi))
             total += share * (density - math.log(1.0 / BACKGROUND_SPAN_DB))
     return total
@@ -135,16 +151,41 @@ def offset_prior(offset_sd_db: float) -> np.ndarray:
 
 
 def marginal(
-    model: RoadModel, found: list[Reading], place: int, sign: int, offset_sd_db: float
+    model: RoadModel,
+    found: list[Reading],
+    place: int,
+    sign: int,
+    offset_sd_db: float,
+    temperature: float = 1.0,
+    *,
+    carriers: bool = False,
 ) -> tuple[float, float]:
-    """Log likelihood with the offset integrated out numerically, and the offset's mean."""
-    at = {b: log_likelihood(model, found, place, sign, b) for b in (-1.0, 0.0, 1.0)}
-    slope, bend = (at[1.0] - at[-1.0]) / 2.0, at[1.0] + at[-1.0] - 2.0 * at[0.0]
-    log = at[0.0] + slope * OFFSETS_DB + 0.5 * bend * OFFSETS_DB**2  # a sum of squares in b
+    """
+    Log likelihood with the offsets integrated out numerically, and the mean of the device's.
+
+    Readings are tempered before the prior meets them. ``carriers``: each has an offset of its own.
+    """
+    log = np.full(len(OFFSETS_DB), log_likelihood(model, found, place, sign, 0.0) / temperature)
+    for carrier in {_carrier(cell) for one in found for cell in one.share}:
+        at = [log_likelihood(model, found, place, sign, b, carrier) for b in (-1.0, 0.0, 1.0)]
+        slope, bend = (at[2] - at[0]) / 2.0, at[2] + at[0] - 2.0 * at[1]
+        if carriers:
+            log += _with_own(slope / temperature, bend / temperature)
+        else:
+            log += (slope * OFFSETS_DB + 0.5 * bend * OFFSETS_DB**2) / temperature
     mass = np.exp(log - log.max()) * offset_prior(offset_sd_db)
     step_db = OFFSETS_DB[1] - OFFSETS_DB[0]
     mean_db = float((mass * OFFSETS_DB).sum() / mass.sum())
-    return float(np.log(mass.sum() * step_db) + log.max()), mean_db
+    return temperature * float(np.log(mass.sum() * step_db) + log.max()), mean_db
+
+
+def _with_own(slope: float, bend: float) -> np.ndarray:
+    """Log of what a carrier says of each device offset, its own about it integrated out."""
+    offset_db = OFFSETS_DB[:, None] + OWN_DB
+    log = slope * offset_db + 0.5 * bend * offset_db**2 - 0.5 * (OWN_DB / CARRIER_OFFSET_SD_DB) ** 2
+    top = log.max(axis=1)
+    scale = (OWN_DB[1] - OWN_DB[0]) / (CARRIER_OFFSET_SD_DB * math.sqrt(2.0 * math.pi))
+    return np.log(np.exp(log - top[:, None]).sum(axis=1) * scale) + top
 
 
 def posterior(
@@ -154,7 +195,9 @@ def posterior(
     known = {cell for model in models for cell in model.cells}
     found = readings(window, known)
     score = {
-        (model.road_id, sign, place): marginal(model, found, place, sign, offset_sd_db)[0]
+        (model.road_id, sign, place): marginal(
+            model, found, place, sign, offset_sd_db, temperature
+        )[0]
         for model in models
         for sign in (1, -1)
         for place in range(len(model.mean_dbm))

@@ -26,12 +26,15 @@ from app.numerics.evidence_table import COLUMNS, HeldOut, pack, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability, off_map_terms
+from app.numerics.offsets import OffsetPrior
 from app.numerics.posterior import Places
 from app.numerics.query import ask
 from app.numerics.reliability import auroc, reliability
 from app.numerics.roadfit import fit_road
 from app.numerics.trials import Trial, ask_all, held_out_windows
 from tests.numerics.cities import city_of, error_m, index_of, models_of
+
+PRIOR = OffsetPrior.learnt(1.0)
 
 
 def trial(rng, samples, information, position_sd_m=0.0):
@@ -44,7 +47,7 @@ def trial(rng, samples, information, position_sd_m=0.0):
     zero = np.zeros(400)
     places = Places(where, np.stack([at_m, zero + 1.0, score, zero, zero + 1.0]))
     truth = HeldOut(np.zeros(1), np.zeros((1, 1)), np.zeros(1, int), true_m, 1, True, places)
-    return Trial(0, truth, places, places, float(samples), samples, Fit(1.0, 0.0), Fit(0.0, 0.0))
+    return Trial(0, truth, places, float(samples), samples, Fit(1.0, 0.0), Fit(0.0, 0.0))
 
 
 def test_information_is_what_the_truths_say():
@@ -54,7 +57,9 @@ def test_information_is_what_the_truths_say():
         trial(rng, samples, 0.5 + 0.1 * samples)
         for samples in rng.choice([1, 4, 10, 40], 1200).tolist()
     ]
-    once, each, position_sd_m = _most_probable(trials, np.array([400.0]))
+    told = [(0, one.truth) for one in trials]
+    sizes = np.array([(one.weight, one.samples) for one in trials])
+    once, each, position_sd_m = _most_probable(told, sizes, PRIOR, np.array([400.0]))
     for samples in (4, 10, 40):
         assert once + each * samples == pytest.approx(0.5 + 0.1 * samples, rel=0.25)
     assert position_sd_m <= 11.0
@@ -77,11 +82,11 @@ def test_the_spread_of_devices_is_learnt(offset_db):
         one = trial(rng, 100, 10.0)
         one.places.values[3], one.places.values[4] = 100.0 * shift_db, 100.0
         windows.append(replace(one.truth, places=one.places, chainage_m=200.0))
-    assert _offset_sd_db(windows) == pytest.approx(offset_db, rel=0.15)
+    assert _offset_sd_db(windows, PRIOR) == pytest.approx(offset_db, rel=0.15)
     nothing = windows[0].places.values.copy()
     nothing[3:] = 0.0  # at its truth the map has none of the window's cells
     strange = replace(windows[0], places=Places(windows[0].places.where, nothing))
-    assert _offset_sd_db([*windows, strange]) == pytest.approx(offset_db, rel=0.15)
+    assert _offset_sd_db([*windows, strange], PRIOR) == pytest.approx(offset_db, rel=0.15)
 
 
 def test_radii_are_widened_until_they_hold():

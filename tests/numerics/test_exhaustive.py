@@ -58,7 +58,7 @@ def test_the_truth_is_found():
     index = map_of(models, replace(CALIBRATION, information_each=10.0))
     for number, sign, end in ((0, 1, 50), (1, -1, 7), (2, 1, 31), (2, -1, 28)):
         model = models[number]
-        travelled_m = np.array([0.0, 2.0, 3.0, 7.0, 12.0, 20.0])
+        travelled_m = np.array([0.0, 2.0, 3.0, 5.0, 7.0, 9.0, 12.0, 14.0, 17.0, 20.0])
         rows = (end - sign * (travelled_m[-1] - travelled_m)).astype(int)
         window = replace(
             window_along(model, 1),

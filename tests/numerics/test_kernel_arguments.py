@@ -29,7 +29,7 @@ def arguments(seed: int) -> dict[str, list[object]]:
     block = np.zeros(len(rsrp_dbm) * (2 + 3 * cells))
     over_tape, over_road = (query.aimed(query.told, one.column) for one in (tape, road))
     room, finer = native.no_places(9), native.no_places(len(places) + 4 * 2)
-    old = (places.where, places.values)
+    old, terms = (places.where, places.values), native.likelihood(index.offset_prior)
     return {
         "heard_columns": [rsrp_dbm],
         "evidence": [
@@ -43,18 +43,18 @@ def arguments(seed: int) -> dict[str, list[object]]:
                 level.outside,
                 level.positions,
                 4.0,
-                index.likelihood,
+                terms,
                 score,
             ),
             *(np.array([[30, 66], [1, -1], [1, 0]]), np.zeros((2, 3, 5), dtype=np.float32)),
         ],
         "turns": [
             *(np.ones((4, 3, 5), dtype=np.float32), *np.array([[0, 1], [2, 3], [5, 2]])),
-            *(1, 4, index.likelihood, np.empty((2, 5), dtype=np.float32)),
+            *(1, 4, terms, np.empty((2, 5), dtype=np.float32)),
         ],
         "kept_by_mass": [score, 1.0, 1e-4, 50, np.empty(50, dtype=np.int64)],
         "stretch": [
-            *(*over_road, road.along.rows, 1, -1, 3, 7, 1.0, 60.0, index.likelihood),
+            *(*over_road, road.along.rows, 1, -1, 3, 7, 1.0, 60.0, terms),
             *(room.where, room.values, 2),
         ],
         "rows": [*old, atlas.step_m, 7.0, 3, 3, 6],
@@ -62,7 +62,7 @@ def arguments(seed: int) -> dict[str, list[object]]:
         "stretches_about": [*old, atlas.step_m, atlas.size, 1.0, 8.0, 100.0, 3.0, 400.0],
         "under_factors": [
             *(*over_road, [stretch_of(index, query, 1, 3, 7), stretch_of(index, query, 0, 2, 2)]),
-            *(np.array([0.97, 1.03]), np.array([-2.0, -3.0]), 2.0, index.likelihood),
+            *(np.array([0.97, 1.03]), np.array([-2.0, -3.0]), 2.0, terms),
             *(atlas.step_m, 7.0, 3, 3, 6, 5, *old),
             *(np.zeros(2 * (len(places) + 99), dtype=np.int64), np.zeros(5 * (len(places) + 99))),
             np.zeros(99),
@@ -134,10 +134,10 @@ def test_spoilt_arguments_are_refused_or_harmless(seed, which, place, how, also)
 def test_spoilt_stretches_are_refused_or_harmless(seed, which, place, how):
     """So are stretches of which one number or array is spoilt."""
     given_ = arguments(seed % 50)["under_factors"]
-    spoilt = [list(one) for one in given_[3]]
+    spoilt = [list(one) for one in given_[4]]
     with np.errstate(over="ignore"):
         spoilt[which][place] = changed(spoilt[which][place], how)
-    given_[3] = [tuple(one) for one in spoilt]
+    given_[4] = [tuple(one) for one in spoilt]
     try:
         native._native.under_factors(*given_)
     except KNOWN:

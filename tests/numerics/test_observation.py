@@ -9,14 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.numerics.observation import (
-    CORRELATION_M,
-    OffsetPrior,
-    evidence,
-    offset_db,
-    offset_gain,
-    sample_weight,
-)
+from app.numerics.observation import CORRELATION_M, evidence, sample_weight
+from app.numerics.offsets import OffsetPrior, offset_db, offset_gain
 from app.numerics.posterior import RESIDUAL, WEIGHT
 from app.numerics.query import ask
 from app.numerics.stretches import whole_roads

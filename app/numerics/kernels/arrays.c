@@ -116,13 +116,21 @@ Told told(Call *call)
     const double *block = array(call, 'd', READ, 1, shape);
     ptrdiff_t samples = whole(call);
     const ptrdiff_t *numbers = whole_list(call, PTRDIFF_MAX, &cells);
+    Py_ssize_t listed = 0;
+    const ptrdiff_t *carrier = whole_list(call, PTRDIFF_MAX, &listed);
+    demand(call, listed == cells, "not a carrier for each cell");
+    ptrdiff_t carriers = 1;
+    for (Py_ssize_t i = 0; !call->failed && i < cells; i++) {
+        demand(call, 0 <= carrier[i] && carrier[i] < cells, "a carrier out of range");
+        carriers = carrier[i] < carriers ? carriers : carrier[i] + 1;
+    }
     demand(call, samples >= 1 && samples <= shape[0] && 2 + 3 * cells <= shape[0] / samples,
            "more samples or cells than the block holds");
     if (call->failed)
         return (Told){0};
     const double *level_db = block + 2 * samples, *heard = level_db + samples * cells;
     return (Told){samples, cells, block, block + samples, level_db, heard, heard + samples * cells,
-                  numbers};
+                  numbers, carrier, carriers};
 }
 
 Along along(Call *call, char row)
@@ -149,14 +157,16 @@ Tape tape_of(Call *call)
 Likelihood likelihood(Call *call)
 {
     PyObject *given = next(call);
-    double values[6] = {0};
-    demand(call, given == NULL || (PyTuple_Check(given) && PyTuple_Size(given) == 6),
-           "not a tuple of six numbers");
-    for (Py_ssize_t i = 0; !call->failed && i < 6; i++) {
+    enum { TERMS_GIVEN = 8 };
+    double values[TERMS_GIVEN] = {0};
+    demand(call, given == NULL || (PyTuple_Check(given) && PyTuple_Size(given) == TERMS_GIVEN),
+           "not a tuple of eight numbers");
+    for (Py_ssize_t i = 0; !call->failed && i < TERMS_GIVEN; i++) {
         values[i] = PyFloat_AsDouble(PyTuple_GetItem(given, i));
         call->failed = values[i] == -1.0 && PyErr_Occurred() != NULL;
     }
-    return (Likelihood){values[0], values[1], values[2], values[3], values[4], values[5]};
+    return (Likelihood){values[0], values[1], values[2], values[3],
+                        values[4], values[5], values[6], values[7]};
 }
 
 Places places(Call *call)

@@ -40,7 +40,8 @@ static void lay_arm(const Factors *f, Each each, ptrdiff_t column, int sign, int
     }
 }
 
-int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, float *parts)
+int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, ptrdiff_t carrier,
+             ptrdiff_t channels, float *parts)
 {
     ptrdiff_t reach = arms->ends;
     for (ptrdiff_t i = 0; i < f->samples; i++)
@@ -58,42 +59,62 @@ int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, f
         float *const sums[3] = {memory + half, memory + 3 * half + 1, memory + 5 * half + 2};
         memset(memory, 0, sizeof *memory * (size_t)(3 * (2 * half + 1)));
         lay_arm(f, each, column, (int)sign, (int)onto, arms->ends, sums);
-        for (int channel = 0; channel < 3; channel++)
-            for (ptrdiff_t end = 1; end <= arms->ends; end++)
-                *parts++ = sums[channel][sign * end];
+        float *score = parts + arm * channels * arms->ends;
+        float *own = score + (1 + 2 * carrier) * arms->ends;
+        for (ptrdiff_t end = 1; end <= arms->ends; end++) {
+            score[end - 1] = sums[0][sign * end] + (carrier > 0 ? score[end - 1] : 0.0f);
+            own[end - 1] = sums[1][sign * end];
+            own[arms->ends + end - 1] = sums[2][sign * end];
+        }
     }
     free(memory);
     return fault;
 }
 
+/* One turn's scores; `left` has room for the residuals and the weights that carriers leave. */
 FOR_EACH_MACHINE
-static void join_halves(const float *onto, const float *off, ptrdiff_t ends, ptrdiff_t first,
-                        ptrdiff_t last, const Likelihood *likelihood, float like_share,
-                        float any_share, float *restrict score)
+static void join_halves(const float *onto, const float *off, ptrdiff_t ends, ptrdiff_t channels,
+                        ptrdiff_t first, ptrdiff_t last, const Likelihood *likelihood,
+                        float *restrict left, float *restrict score)
 {
-    const float *residual = onto + ends, *from_residual = off + ends;
-    const float *weight = residual + ends, *from_weight = from_residual + ends;
+    float like_share = (float)exp(likelihood->like_log), any_share = (float)exp(likelihood->any_log);
+    float carrier_db2 = (float)likelihood->carrier_db2, temperature = (float)likelihood->temperature;
+    memset(left, 0, sizeof *left * (size_t)(2 * ends));
     for (ptrdiff_t i = first - 1; i < last; i++)
-        score[i] = onto[i] + off[i] +
-                   offset_gain(residual[i] + from_residual[i], weight[i] + from_weight[i],
-                               likelihood, like_share, any_share);
+        score[i] = onto[i] + off[i];
+    for (ptrdiff_t channel = 1; channel < channels; channel += 2) {
+        const float *residual = onto + channel * ends, *from_residual = off + channel * ends;
+        const float *weight = residual + ends, *from_weight = from_residual + ends;
+        for (ptrdiff_t i = first - 1; i < last; i++) {
+            float both_residual = residual[i] + from_residual[i];
+            float both_weight = weight[i] + from_weight[i];
+            score[i] += take_carrier(&both_residual, &both_weight, carrier_db2, temperature);
+            left[i] += both_residual;
+            left[ends + i] += both_weight;
+        }
+    }
+    for (ptrdiff_t i = first - 1; i < last; i++)
+        score[i] += offset_gain(left[i], left[ends + i], likelihood, like_share, any_share);
 }
 
 /* Twin of app.numerics.corners.score_turns. */
-int score_turns(const float *parts, ptrdiff_t arms, const Turns *turns, ptrdiff_t first,
-                ptrdiff_t last, const Likelihood *likelihood, float *score)
+int score_turns(const float *parts, ptrdiff_t arms, ptrdiff_t channels, const Turns *turns,
+                ptrdiff_t first, ptrdiff_t last, const Likelihood *likelihood, float *score)
 {
-    float like_share = (float)exp(likelihood->like_log), any_share = (float)exp(likelihood->any_log);
     ptrdiff_t ends = turns->ends;
     for (ptrdiff_t i = 0; i < turns->count * ends; i++)
         score[i] = -INFINITY;
-    for (ptrdiff_t turn = 0; turn < turns->count; turn++) {
+    float *left = malloc(sizeof *left * (size_t)(2 * ends + 1));
+    int fault = left == NULL ? OUT_OF_MEMORY : 0;
+    for (ptrdiff_t turn = 0; fault == 0 && turn < turns->count; turn++) {
         int64_t onto = turns->onto[turn], off = turns->off[turn], room = turns->room[turn];
-        if (onto < 0 || onto >= arms || off < 0 || off >= arms)
-            return OUT_OF_BOUNDS;
-        join_halves(parts + 3 * ends * onto, parts + 3 * ends * off, ends, first,
-                    room < last ? room : last, likelihood, like_share, any_share,
-                    score + turn * ends);
+        if (onto < 0 || onto >= arms || off < 0 || off >= arms) {
+            fault = OUT_OF_BOUNDS;
+            break;
+        }
+        join_halves(parts + channels * ends * onto, parts + channels * ends * off, ends, channels,
+                    first, room < last ? room : last, likelihood, left, score + turn * ends);
     }
-    return 0;
+    free(left);
+    return fault;
 }

@@ -12,7 +12,11 @@ typedef struct {
     ptrdiff_t stride;
 } Each;
 
-/* Twin of app.numerics.corners.score_arms. */
-int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, float *parts);
+/*
+ * Twin of app.numerics.corners.score_arms for one carrier, the first one before the others: `parts`
+ * has the score, then each carrier's residual and weight.
+ */
+int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, ptrdiff_t carrier,
+             ptrdiff_t channels, float *parts);
 
 #endif

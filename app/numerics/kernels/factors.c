@@ -19,11 +19,13 @@ static int allocate(Factors *f, ptrdiff_t samples, ptrdiff_t cells)
 }
 
 /* Adds to what the last sample said; `said` has a place for each cell, heard or not. */
-static void add_sample(Factors *f, const Told *told, ptrdiff_t i, const Likelihood *likelihood,
-                       Said *said)
+static void add_sample(Factors *f, const Told *told, ptrdiff_t carrier, ptrdiff_t i,
+                       const Likelihood *likelihood, Said *said)
 {
     double all = 0.0;
     for (ptrdiff_t cell = 0; cell < told->cells; cell++) {
+        if (told->carrier[cell] != carrier)
+            continue;
         double heard = told->heard[i * told->cells + cell] * told->weight[i];
         double level_db = told->level_db[i * told->cells + cell];
         all += heard;
@@ -38,11 +40,11 @@ static void add_sample(Factors *f, const Told *told, ptrdiff_t i, const Likeliho
 }
 
 /* Leaves out the cells that the last sample did not hear; where the next one's begin. */
-static Said *close_sample(Factors *f, const Told *told, Said *said)
+static Said *close_sample(Factors *f, const Told *told, ptrdiff_t carrier, Said *said)
 {
     Said *end = said;
     for (ptrdiff_t cell = 0, k = 0; cell < told->cells; cell++) {
-        if (told->numbers[cell] < 0)
+        if (told->numbers[cell] < 0 || told->carrier[cell] != carrier)
             continue;
         Said one = said[k];
         said[k++] = (Said){0};
@@ -54,14 +56,14 @@ static Said *close_sample(Factors *f, const Told *told, Said *said)
     return end;
 }
 
-int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined,
+int aim(Factors *f, const Told *told, ptrdiff_t carrier, ptrdiff_t cells, double step_m, int joined,
         const Likelihood *likelihood)
 {
     ptrdiff_t known = 0;
     for (ptrdiff_t cell = 0; cell < told->cells; cell++) {
         if (told->numbers[cell] >= cells)
             return OUT_OF_BOUNDS;
-        known += told->numbers[cell] >= 0;
+        known += told->numbers[cell] >= 0 && told->carrier[cell] == carrier;
     }
     if (allocate(f, told->samples, known) < 0)
         return OUT_OF_MEMORY;
@@ -73,12 +75,12 @@ int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined
         if (!(fabs(behind) < MOST_COLUMNS))
             return OUT_OF_BOUNDS;
         if (!joined || f->samples == 0 || f->behind[f->samples - 1] != (ptrdiff_t)behind) {
-            said = f->samples == 0 ? said : close_sample(f, told, said);
+            said = f->samples == 0 ? said : close_sample(f, told, carrier, said);
             f->behind[f->samples++] = (ptrdiff_t)behind;
         }
-        add_sample(f, told, i, likelihood, said);
+        add_sample(f, told, carrier, i, likelihood, said);
     }
     if (f->samples > 0)
-        close_sample(f, told, said);
+        close_sample(f, told, carrier, said);
     return 0;
 }

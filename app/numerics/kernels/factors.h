@@ -25,8 +25,8 @@ typedef struct {
     void *memory; /* all of it: to be freed */
 } Factors;
 
-/* Twin of Query.aim; samples of one column are joined when that is wished. */
-int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined,
+/* Twin of Query.aim for one carrier; samples of one column are joined when that is wished. */
+int aim(Factors *f, const Told *told, ptrdiff_t carrier, ptrdiff_t cells, double step_m, int joined,
         const Likelihood *likelihood);
 
 #endif

@@ -22,6 +22,8 @@ typedef struct {
     ptrdiff_t samples, cells;
     const double *behind_m, *weight, *level_db, *heard, *share;
     const ptrdiff_t *numbers; /* of each cell in the profile, or of its stand-in; -1 = neither */
+    const ptrdiff_t *carrier; /* of each cell, from 0 on */
+    ptrdiff_t carriers;
 } Told;
 
 /* A profile's rows: app.numerics.observation.Profile. */
@@ -37,9 +39,10 @@ typedef struct {
     ptrdiff_t cells, columns;
 } Tape;
 
-/* The constants of app.numerics.observation and the map's OffsetPrior. */
+/* The constants of app.numerics.observation and a window's OffsetPrior, its variances over the
+ * temperature. */
 typedef struct {
-    double hearing, outside_log, like_db2, like_log, any_db2, any_log;
+    double hearing, outside_log, like_db2, like_log, any_db2, any_log, carrier_db2, temperature;
 } Likelihood;
 
 /* Places and the map's geometry: app.numerics.posterior.Places, app.numerics.index.Atlas. */
@@ -126,8 +129,8 @@ int score_tape(const Told *told, const Tape *tape, const int64_t *positions, ptr
                float *parts);
 
 /* corners.c */
-int score_turns(const float *parts, ptrdiff_t arms, const Turns *turns, ptrdiff_t first,
-                ptrdiff_t last, const Likelihood *likelihood, float *score);
+int score_turns(const float *parts, ptrdiff_t arms, ptrdiff_t channels, const Turns *turns,
+                ptrdiff_t first, ptrdiff_t last, const Likelihood *likelihood, float *score);
 
 /* stretch.c */
 int lay_stretch(const Laid *laid, const Likelihood *likelihood, const Room *room, ptrdiff_t at);

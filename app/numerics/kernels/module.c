@@ -58,7 +58,7 @@ static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t giv
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, given == 11 ? 11 : 9)) /* with arms, or without */
+    if (!begin(&call, arguments, given, given == 12 ? 12 : 10)) /* with arms, or without */
         return NULL;
     Told window = told(&call);
     Tape profile = tape_of(&call);
@@ -70,10 +70,10 @@ static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t giv
     float *score = array(&call, 'f', WRITE, 1, count);
     Arms arms = {0};
     float *parts = NULL;
-    if (given == 11) {
+    if (given == 12) {
         Py_ssize_t where_shape[2] = {3, -1};
         const int64_t *where = array(&call, 'l', READ, 2, where_shape);
-        Py_ssize_t shape[3] = {where_shape[1], 3, -1};
+        Py_ssize_t shape[3] = {where_shape[1], 1 + 2 * window.carriers, -1};
         parts = array(&call, 'f', WRITE, 3, shape);
         if (!call.failed)
             arms = (Arms){shape[0], shape[2], where, where + shape[0], where + 2 * shape[0]};
@@ -90,7 +90,7 @@ static PyObject *turns(PyObject *self, PyObject *const *arguments, Py_ssize_t gi
     (void)self;
     if (!begin(&call, arguments, given, 8))
         return NULL;
-    Py_ssize_t part_shape[3] = {-1, 3, -1}, count[1] = {-1};
+    Py_ssize_t part_shape[3] = {-1, -1, -1}, count[1] = {-1};
     const float *parts = array(&call, 'f', READ, 3, part_shape);
     const int64_t *onto = array(&call, 'l', READ, 1, count);
     const int64_t *off = array(&call, 'l', READ, 1, count);
@@ -100,9 +100,10 @@ static PyObject *turns(PyObject *self, PyObject *const *arguments, Py_ssize_t gi
     Py_ssize_t shape[2] = {count[0], part_shape[2]};
     float *score = array(&call, 'f', WRITE, 2, shape);
     demand(&call, first >= 1 && last <= shape[1], "no column that a window may end at");
+    demand(&call, part_shape[1] >= 3 && part_shape[1] % 2 == 1, "no residual and weight each");
     Turns every = {count[0], shape[1], onto, off, room};
     if (!call.failed)
-        check(&call, score_turns(parts, part_shape[0], &every, first, last, &terms, score));
+        check(&call, score_turns(parts, part_shape[0], part_shape[1], &every, first, last, &terms, score));
     return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
 }
 
@@ -127,7 +128,7 @@ static PyObject *stretch(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 14))
+    if (!begin(&call, arguments, given, 15))
         return NULL;
     Told window = told(&call);
     Along profile = along(&call, 'r');
@@ -186,7 +187,7 @@ static PyObject *redrawn(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 13))
+    if (!begin(&call, arguments, given, 14))
         return NULL;
     Told window = told(&call);
     Along profile = along(&call, 'b');
@@ -300,7 +301,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 6);
+    return PyModule_AddIntConstant(module, "VERSION", 7);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

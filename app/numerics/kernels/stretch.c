@@ -42,7 +42,7 @@ INLINE void add_columns(const Along *along, const Factors *f, ptrdiff_t i, ptrdi
     sums[2] += weight;
 }
 
-/* Sums over all samples at LANES columns; beyond the profile's ends lie its outermost columns. */
+/* Adds up all samples at LANES columns; beyond the profile's ends lie its outermost columns. */
 INLINE void lay_window(const Along *along, const Factors *f, ptrdiff_t column, int sign,
                        Lanes sums[3])
 {
@@ -67,13 +67,29 @@ INLINE void lay_window(const Along *along, const Factors *f, ptrdiff_t column, i
     }
 }
 
+/* What a carrier's offset takes of its sums; the rest is added to those of all. */
+INLINE void take_carrier(Lanes one[3], const Likelihood *likelihood, Lanes sums[3])
+{
+    Lanes inflation = 1.0 + one[2] * likelihood->carrier_db2;
+    sums[0] += one[0] + 0.5 * likelihood->carrier_db2 * one[1] * one[1] / inflation;
+    for (int lane = 0; lane < LANES && likelihood->carrier_db2 > 0.0; lane++)
+        sums[0][lane] -= 0.5 * likelihood->temperature * log(inflation[lane]);
+    sums[1] += one[1] / inflation;
+    sums[2] += one[2] / inflation;
+}
+
 FOR_EACH_MACHINE
-static void lay_windows(const Along *along, const Factors *f, ptrdiff_t column, ptrdiff_t count,
-                        int sign, double *values, ptrdiff_t stride)
+static void lay_windows(const Along *along, const Factors *f, ptrdiff_t carriers, ptrdiff_t column,
+                        ptrdiff_t count, int sign, const Likelihood *likelihood, double *values,
+                        ptrdiff_t stride)
 {
     for (ptrdiff_t i = 0; i < count; i += LANES) {
         Lanes sums[3] = {{0}, {0}, {0}};
-        lay_window(along, f, column + i, sign, sums);
+        for (ptrdiff_t carrier = 0; carrier < carriers; carrier++) {
+            Lanes one[3] = {{0}, {0}, {0}};
+            lay_window(along, f + carrier, column + i, sign, one);
+            take_carrier(one, likelihood, sums);
+        }
         for (int lane = 0; lane < LANES && i + lane < count; lane++)
             for (int channel = 0; channel < 3; channel++)
                 values[(SCORE + channel) * stride + i + lane] = sums[channel][lane];
@@ -82,27 +98,33 @@ static void lay_windows(const Along *along, const Factors *f, ptrdiff_t column, 
 
 static double precise_gain(double residual, double weight, const Likelihood *likelihood)
 {
-    double squared = 0.5 * residual * residual;
+    double squared = 0.5 * residual * residual / likelihood->temperature;
     double like = weight * likelihood->like_db2 + 1.0, any = weight * likelihood->any_db2 + 1.0;
     double first = squared * (likelihood->like_db2 / like) - 0.5 * log(like) + likelihood->like_log;
     double second = squared * (likelihood->any_db2 / any) - 0.5 * log(any) + likelihood->any_log;
-    return fmax(first, second) + log1p(exp(-fabs(first - second)));
+    return likelihood->temperature * (fmax(first, second) + log1p(exp(-fabs(first - second))));
 }
 
 /* Scores, residuals and weights; rows `stride` apart. */
 static int score_stretch(const Laid *laid, const Likelihood *likelihood, double *values,
                          ptrdiff_t stride)
 {
-    Factors f = {0};
-    ptrdiff_t count = laid->last - laid->first + 1;
-    int fault = aim(&f, &laid->told, laid->along.cells, laid->step_m, 0, likelihood);
+    ptrdiff_t count = laid->last - laid->first + 1, carriers = laid->told.carriers;
+    Factors *f = calloc((size_t)carriers, sizeof *f);
+    int fault = f == NULL ? OUT_OF_MEMORY : 0;
+    for (ptrdiff_t carrier = 0; fault == 0 && carrier < carriers; carrier++)
+        fault = aim(f + carrier, &laid->told, carrier, laid->along.cells, laid->step_m, 0,
+                    likelihood);
     if (fault == 0) {
-        lay_windows(&laid->along, &f, laid->first + 1, count, (int)laid->sign, values, stride);
+        lay_windows(&laid->along, f, carriers, laid->first + 1, count, (int)laid->sign, likelihood,
+                    values, stride);
         for (ptrdiff_t i = 0; i < count; i++)
             values[SCORE * stride + i] += precise_gain(values[RESIDUAL * stride + i],
                                                        values[WEIGHT * stride + i], likelihood);
     }
-    free(f.memory);
+    for (ptrdiff_t carrier = 0; f != NULL && carrier < carriers; carrier++)
+        free(f[carrier].memory);
+    free(f);
     return fault;
 }
 

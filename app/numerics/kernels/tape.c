@@ -104,6 +104,21 @@ static void make_brief(const Tape *tape, const Factors *f, Brief *brief)
     }
 }
 
+/* What a carrier's offset takes at every column; the rest is added to the sums of all. */
+FOR_EACH_MACHINE
+static void take_carriers(float *restrict score, float *restrict residual, float *restrict weight,
+                          float *restrict sum_residual, float *restrict sum_weight, ptrdiff_t count,
+                          const Likelihood *likelihood)
+{
+    float carrier_db2 = (float)likelihood->carrier_db2, temperature = (float)likelihood->temperature;
+    for (ptrdiff_t i = 0; i < count; i++) {
+        score[i] += take_carrier(residual + i, weight + i, carrier_db2, temperature);
+        sum_residual[i] += residual[i];
+        sum_weight[i] += weight[i];
+        residual[i] = weight[i] = 0.0f;
+    }
+}
+
 FOR_EACH_MACHINE
 static void add_gain(float *restrict score, const float *restrict residual,
                      const float *restrict weight, ptrdiff_t count, const Likelihood *likelihood)
@@ -113,51 +128,86 @@ static void add_gain(float *restrict score, const float *restrict residual,
         score[i] += offset_gain(residual[i], weight[i], likelihood, like_share, any_share);
 }
 
+/* Whether the window, and the tape's places, lie within what memory is made for. */
+static int within(const Factors *f, const Tape *tape, const int64_t *positions, ptrdiff_t count,
+                  ptrdiff_t *reach)
+{
+    for (ptrdiff_t i = 0; i < f->samples; i++) {
+        *reach = f->behind[i] > *reach ? f->behind[i] : *reach;
+        if (f->behind[i] < 0 || *reach >= tape->columns)
+            return OUT_OF_BOUNDS;
+    }
+    for (ptrdiff_t i = 0; i < count; i++)
+        if (positions[i] < *reach || positions[i] >= tape->columns - *reach)
+            return OUT_OF_BOUNDS;
+    return 0;
+}
+
+/* A way's sums by column: score, residual and weight of one carrier, the latter two of all. */
+enum { SUMS = 5 };
+
+/* Lays one carrier's readings along the tape, and what its offset takes of them. */
+static int lay_carrier(const Tape *tape, const Factors *f, ptrdiff_t carrier, ptrdiff_t reach,
+                       float *const ways[2][SUMS], ptrdiff_t length, const Likelihood *likelihood,
+                       const Arms *arms, ptrdiff_t channels, float *parts)
+{
+    Brief *brief = malloc((size_t)(f->first[f->samples] + 1) * sizeof *brief);
+    Each each = {NULL, tape->columns + EACH_SPARE};
+    int fault = brief == NULL ? OUT_OF_MEMORY : 0;
+    if (fault == 0 && arms->count > 0) {
+        float *rows = room_for((size_t)(3 * f->samples * each.stride + 2 * EACH_SPARE));
+        each.values = rows == NULL ? NULL : rows + EACH_SPARE;
+        fault = rows == NULL ? OUT_OF_MEMORY : 0;
+    }
+    if (fault == 0) {
+        float *const sums[2][3] = {{ways[0][0], ways[0][1], ways[0][2]},
+                                   {ways[1][0], ways[1][1], ways[1][2]}};
+        clear_spare(each, 3 * f->samples);
+        make_brief(tape, f, brief);
+        lay_along(tape, f, brief, reach, sums, each);
+        int taken = channels > 3 || likelihood->carrier_db2 > 0.0;
+        for (int way = 0; way < 2 && taken; way++)
+            take_carriers(ways[way][0], ways[way][1], ways[way][2], ways[way][3], ways[way][4],
+                          length, likelihood);
+        if (arms->count > 0)
+            fault = lay_arms(arms, f, each, tape->columns, carrier, channels, parts);
+    }
+    free(brief);
+    return fault;
+}
+
 /* Twin of app.numerics.coarse._score_tape: along growing columns, then against. */
 int score_tape(const Told *told, const Tape *tape, const int64_t *positions, ptrdiff_t count,
                double step_m, const Likelihood *likelihood, float *score, const Arms *arms,
                float *parts)
 {
-    Factors f = {0};
-    int fault = aim(&f, told, tape->cells, step_m, 1, likelihood);
-    ptrdiff_t reach = 0;
-    for (ptrdiff_t i = 0; fault == 0 && i < f.samples; i++) {
-        reach = f.behind[i] > reach ? f.behind[i] : reach;
-        fault = f.behind[i] < 0 || reach >= tape->columns ? OUT_OF_BOUNDS : 0;
-    }
-    for (ptrdiff_t i = 0; fault == 0 && i < count; i++)
-        if (positions[i] < reach || positions[i] >= tape->columns - reach)
-            fault = OUT_OF_BOUNDS;
-    ptrdiff_t length = tape->columns + 2 * (reach + BLOCK);
-    size_t said = fault == 0 ? (size_t)f.first[f.samples] : 0;
-    float *memory = fault == 0 ? calloc((size_t)(6 * length), sizeof *memory) : NULL;
-    Brief *brief = malloc((said + 1) * sizeof *brief);
-    if (fault == 0 && (memory == NULL || brief == NULL))
-        fault = OUT_OF_MEMORY;
-    Each each = {NULL, tape->columns + EACH_SPARE};
-    if (fault == 0 && arms->count > 0) {
-        float *rows = room_for((size_t)(3 * f.samples * each.stride + 2 * EACH_SPARE));
-        each.values = rows == NULL ? NULL : rows + EACH_SPARE;
-        fault = rows == NULL ? OUT_OF_MEMORY : 0;
-    }
-    if (fault == 0) {
-        float *sums[2][3];
-        for (int part = 0; part < 6; part++)
-            sums[part / 3][part % 3] = memory + part * length;
-        clear_spare(each, 3 * f.samples);
-        make_brief(tape, &f, brief);
-        lay_along(tape, &f, brief, reach, (float *const(*)[3])sums, each);
-        for (int way = 0; way < 2; way++) {
-            float *every = sums[way][0] + reach;
-            add_gain(every, sums[way][1] + reach, sums[way][2] + reach, tape->columns, likelihood);
-            for (ptrdiff_t i = 0; i < count; i++)
-                score[way * count + i] = every[positions[i]];
+    ptrdiff_t reach = 0, length = 0, channels = 1 + 2 * told->carriers;
+    float *memory = NULL, *ways[2][SUMS] = {{0}};
+    /* Without offsets of carriers, one carrier's sums are those of all. */
+    int fault = 0, left = told->carriers == 1 && !(likelihood->carrier_db2 > 0.0) ? 1 : 3;
+    for (ptrdiff_t carrier = 0; fault == 0 && carrier < told->carriers; carrier++) {
+        Factors f = {0};
+        fault = aim(&f, told, carrier, tape->cells, step_m, 1, likelihood);
+        if (fault == 0 && carrier == 0) {
+            fault = within(&f, tape, positions, count, &reach);
+            length = tape->columns + 2 * (reach + BLOCK);
+            memory = fault == 0 ? calloc((size_t)(2 * SUMS * length), sizeof *memory) : NULL;
+            fault = fault == 0 && memory == NULL ? OUT_OF_MEMORY : fault;
+            for (int part = 0; fault == 0 && part < 2 * SUMS; part++)
+                ways[part / SUMS][part % SUMS] = memory + part * length;
         }
+        if (fault == 0)
+            fault = lay_carrier(tape, &f, carrier, reach, (float *const(*)[SUMS])ways, length,
+                                likelihood, arms, channels, parts);
+        free(f.memory);
     }
-    if (fault == 0 && arms->count > 0)
-        fault = lay_arms(arms, &f, each, tape->columns, parts);
-    free(brief);
+    for (int way = 0; fault == 0 && way < 2; way++) {
+        float *every = ways[way][0] + reach;
+        add_gain(every, ways[way][left] + reach, ways[way][left + 1] + reach, tape->columns,
+                 likelihood);
+        for (ptrdiff_t i = 0; i < count; i++)
+            score[way * count + i] = every[positions[i]];
+    }
     free(memory);
-    free(f.memory);
     return fault;
 }

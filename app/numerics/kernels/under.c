@@ -116,7 +116,7 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 19))
+    if (!begin(&call, arguments, given, 20))
         return NULL;
     Told window = told(&call);
     Py_ssize_t count, factors[1] = {-1}, where_size[1] = {-1}, size[1] = {-1}, priors[1] = {-1};

@@ -1,0 +1,150 @@
+"""
+The device's offset: unknown, the same for a whole window, and integrated out.
+
+A vehicle's phone reads every cell louder or softer than the surveys' phones by one offset ``b``.
+Where a map has several carriers, each of them has an offset of its own on top, as antennas and
+receivers differ from band to band. With residual ``R`` and weight ``W`` of a place (the slope of
+its log likelihood in the offset, and minus its curvature) an offset of variance ``v`` adds
+``R^2 v / (2 (1 + W v)) - log(1 + W v) / 2`` and leaves ``R / (1 + W v)`` and ``W / (1 + W v)`` to
+those that all carriers share.
+
+Samples of a window are not independent, which is why its scores are divided by a temperature
+``T``. What is known of devices has nothing to do with that: the prior meets readings that are
+tempered already, ``R / T`` and ``W / T``, and what it adds is multiplied by ``T``, since the score
+is divided by it in the end. Were the whole integral divided instead, an honest prior of 1 dB
+would allow offsets ``sqrt(T)`` times as large, and most of what levels say would be lost to them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+BROAD_OFFSET_SD_DB = 6.0  # devices differ by up to 8 dB
+BROAD_OFFSET_SHARE = 0.1  # how often a device is unlike those of the surveys
+CARRIER_OFFSET_SD_DB = 2.0  # of each carrier about the device; chosen on survey passes held out
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetPrior:
+    """
+    What a device's offset may be: like the surveys' devices, ``N(0, sd^2)``, or any device,
+    ``N(0, BROAD_OFFSET_SD_DB^2)``; each part as its variance and the log of its share.
+
+    Attributes:
+        carrier_db2: Variance of each carrier's own offset; 0 = there is but one carrier.
+        temperature: Of the window that is asked about.
+    """
+
+    like_db2: float
+    like_log: float
+    any_db2: float
+    any_log: float
+    carrier_db2: float = 0.0
+    temperature: float = 1.0
+
+    @classmethod
+    def learnt(cls, offset_sd_db: float, carriers: int = 1) -> OffsetPrior:
+        """
+        The prior of a map whose survey devices differ by ``offset_sd_db``.
+
+        Args:
+            carriers: How many the map has.
+        """
+        return cls(
+            max(offset_sd_db, 1e-2) ** 2,
+            float(np.log(1.0 - BROAD_OFFSET_SHARE)),
+            max(BROAD_OFFSET_SD_DB, offset_sd_db) ** 2,
+            float(np.log(BROAD_OFFSET_SHARE)),
+            CARRIER_OFFSET_SD_DB**2 if carriers > 1 else 0.0,
+        )
+
+    def at(self, temperature: float) -> OffsetPrior:
+        """The same for a window of this temperature."""
+        return replace(self, temperature=temperature)
+
+
+class Taken(NamedTuple):
+    """What the offsets took: their gain, and residual and weight of what is left to the device."""
+
+    gain: Float[np.ndarray, " places"]
+    residual: Float[np.ndarray, " places"]
+    weight: Float[np.ndarray, " places"]
+
+
+def take_offsets(sums: Float[np.ndarray, "sums places"], prior: OffsetPrior) -> Taken:
+    """
+    Integrate out each carrier's offset, then the device's.
+
+    Args:
+        sums: Residual and weight of the first carrier, of the second, and so on.
+
+    Returns:
+        Gains in units of the score: before the temperature.
+    """
+    residual, weight, gain = sums[0], sums[1], 0.0
+    if prior.carrier_db2 > 0.0:
+        inflation = 1.0 + sums[1::2] * (prior.carrier_db2 / prior.temperature)
+        squared = 0.5 * (prior.carrier_db2 / prior.temperature) * sums[::2] ** 2 / inflation
+        gain = (squared - 0.5 * prior.temperature * np.log(inflation)).sum(axis=0)
+        residual = (sums[::2] / inflation).sum(axis=0)
+        weight = (sums[1::2] / inflation).sum(axis=0)
+    elif len(sums) > 2:
+        residual, weight = sums[::2].sum(axis=0), sums[1::2].sum(axis=0)
+    return Taken(gain + offset_gain(residual, weight, prior), residual, weight)
+
+
+def offset_gain(
+    residual: Float[np.ndarray, " places"], weight: Float[np.ndarray, " places"], prior: OffsetPrior
+) -> Float[np.ndarray, " places"]:
+    """What integrating the device's offset out adds to the score; both parts mixed by shares."""
+    cooled = 1.0 / prior.temperature
+    squared = 0.5 * residual * residual * cooled
+    like_db2, any_db2 = prior.like_db2 * cooled, prior.any_db2 * cooled
+    like, broad = weight * like_db2 + 1.0, weight * any_db2 + 1.0
+    first = squared * (like_db2 / like) - 0.5 * np.log(like) + prior.like_log
+    second = squared * (any_db2 / broad) - 0.5 * np.log(broad) + prior.any_log
+    return np.asarray(prior.temperature * np.logaddexp(first, second))
+
+
+def offset_gain_at(residual: float, weight: float, prior: OffsetPrior) -> float:
+    """`offset_gain` at one place."""
+    (first, _), (second, _) = _offset_parts(residual, weight, prior)
+    return prior.temperature * (max(first, second) + math.log1p(math.exp(-abs(first - second))))
+
+
+def offset_db(residual: float, weight: float, prior: OffsetPrior) -> float:
+    """Mean of the device offset given the residual and weight at one place, in dB."""
+    (first_log, first_db), (second_log, second_db) = _offset_parts(residual, weight, prior)
+    odds = math.exp(max(min(second_log - first_log, 50.0), -50.0))
+    return (first_db + odds * second_db) / (1.0 + odds)
+
+
+def _offset_parts(residual: float, weight: float, prior: OffsetPrior) -> list[tuple[float, float]]:
+    """Of each part of the prior: the log of what it adds to the likelihood, and its mean in dB."""
+    parts, cooled = [], 1.0 / prior.temperature
+    for variance, log_share in ((prior.like_db2, prior.like_log), (prior.any_db2, prior.any_log)):
+        spread = variance * cooled
+        inflation = 1.0 + weight * spread
+        log = log_share + 0.5 * residual**2 * cooled * spread / inflation
+        parts.append((log - 0.5 * math.log(inflation), residual * spread / inflation))
+    return parts
+
+
+def carrier_offsets_db(
+    sums: Float[np.ndarray, " sums"], device_db: float, prior: OffsetPrior
+) -> Float[np.ndarray, " carriers"]:
+    """
+    Mean offset of each carrier at one place, the device's own included.
+
+    Args:
+        sums: As `take_offsets` has them.
+        device_db: Offset of the device, from `offset_db`.
+    """
+    spread = prior.carrier_db2 / prior.temperature
+    own = (sums[::2] - sums[1::2] * device_db) * spread / (1.0 + sums[1::2] * spread)
+    return np.asarray(device_db + own)
