@@ -176,6 +176,7 @@ class Reliability:
         ece: Expected calibration error of the road's posterior (Naeini et al. 2015).
         curve: Of ten bins of the road's posterior: its mean, share right, windows.
         coverage: Pairs of confidence and share of windows whose radius held the truth.
+        segment_right, segment_ece: Of the sub-segment that holds the position, as of the road.
         refused: Share answered as off the map though they were on it.
         strangers_refused: The same of windows asked for in the map without their road;
             ``off_map_auroc`` says how well the two are told apart.
@@ -192,6 +193,8 @@ class Reliability:
     refused: float | None = None
     strangers_refused: float | None = None
     off_map_auroc: float | None = None
+    segment_right: float | None = None
+    segment_ece: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +206,9 @@ class Calibration:
         information_once, information_each: A window whose samples weigh ``w`` says as much as
             ``information_once + information_each w`` independent ones, and no more than it has.
         offset_sd_db: Spread of the survey devices' offsets.
-        position_sd_m: Error of surveyed positions along the road.
+        position_sd_m: Error of surveyed positions along the road, as radii need it.
+        segment_sd_m: The same under which the truths were most probable, without what radii need
+            for its tails: as far places reach over the boundaries of sub-segments.
         off_map: Log odds of being on the map, see `app.numerics.offmap.off_map_terms`.
     """
 
@@ -211,6 +216,7 @@ class Calibration:
     information_each: float = 1.0
     offset_sd_db: float = 1.0
     position_sd_m: float = 0.0
+    segment_sd_m: float = 0.0
     off_map: tuple[float, ...] = (4.0, 2.0, 0.0, 0.0)
     window_count: int = 0
     reliability: Reliability = Reliability()

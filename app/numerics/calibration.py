@@ -62,7 +62,11 @@ def calibrate(models: Sequence[RoadModel]) -> Calibration:
     trials = ask_all(index, models, windows)
     once, each, position_sd_m = _most_probable(trials, index.lengths_m)
     learnt = replace(
-        learnt, information_once=once, information_each=each, position_sd_m=position_sd_m
+        learnt,
+        information_once=once,
+        information_each=each,
+        position_sd_m=position_sd_m,
+        segment_sd_m=position_sd_m,
     )
     learnt = replace(learnt, off_map=_log_odds(trials, learnt))
     return _wide_enough(index, trials, learnt)
