@@ -51,6 +51,10 @@ class RoadIndex:
         """Number of grid positions: all columns of the profile but one outside at either end."""
         return self.along.columns - 2
 
+    def segment_at(self, chainage_m: float) -> int:
+        """Index of the sub-segment that holds a place; a boundary belongs to the later one."""
+        return int(self.edges_m[1:-1].searchsorted(chainage_m, side="right"))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
