@@ -48,8 +48,8 @@ def over_segments(
         spots: Of the places in the atlas.
         sd_m: Error of surveyed positions along the road.
     """
-    sd_of, stays = spread_m(places.width_m, sd_m), np.ones(len(places))
     heavy, own = that_matter(mass), atlas.segment[spots.low]
+    sd_of, stays = spread_m(places.width_m, sd_m), np.ones(len(places))  # less what lies beyond
     parts = [(np.arange(len(places)), own, stays, places.chainage_m)]
     for way in (1, -1):
         place, segment = heavy, own[heavy]
