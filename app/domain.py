@@ -62,8 +62,7 @@ class Trace:
         time_s: Seconds from the first sample, non-decreasing. Shape ``(samples,)``.
         lon, lat: WGS 84 degrees. Shape ``(samples,)``.
         rsrp_dbm: Received power, float32. Shape ``(samples, cells)``; NaN = not heard.
-        global_ids: What some of the cells are called worldwide (``mcc-mnc-eci``), as far as it was
-            told; for people, nothing is matched by it.
+        global_ids: Worldwide names of some cells (``mcc-mnc-eci``); nothing is matched by them.
     """
 
     cells: tuple[str, ...]
@@ -84,8 +83,7 @@ class Salience:
     Which features tell this road or sub-segment from the others.
 
     Attributes:
-        mask: The diagonal of the paper's W (Eq. 7). Shape ``(5, cells)``, rows in the order of
-            `FEATURE_KINDS`.
+        mask: The diagonal of the paper's W (Eq. 7). Shape ``(5, cells)``, rows `FEATURE_KINDS`.
         gain_bits: Information gain (Eq. 6) of the chosen features.
         full_gain_bits: The same of all features; ``gain_bits`` is within a stated tolerance of it.
         search: ``exhaustive``, ``branch-and-bound`` (both exact) or ``greedy``.
@@ -137,8 +135,7 @@ class RoadModel:
     """
     Everything that the surveys of one road say: immutable, and complete for matching.
 
-    The grid arrays sample the curves at chainages ``0, step_m, 2 step_m, ...`` so that a serving
-    process needs no spline code.
+    The grid arrays sample the curves at chainages ``0, step_m, ...``: serving needs no spline code.
 
     Attributes:
         mean_dbm: Expected RSRP. Shape ``(grid, cells)``, float32; NaN where the cell is not mapped.
@@ -176,9 +173,9 @@ class Reliability:
         ece: Expected calibration error of the road's posterior (Naeini et al. 2015).
         curve: Of ten bins of the road's posterior: its mean, share right, windows.
         coverage: Pairs of confidence and share of windows whose radius held the truth.
+        segment_right, segment_ece: Of the sub-segment that holds the position, as of the road.
         refused: Share answered as off the map though they were on it.
-        strangers_refused: The same of windows asked for in the map without their road;
-            ``off_map_auroc`` says how well the two are told apart.
+        strangers_refused: Of windows in the map without their road; see ``off_map_auroc``.
     """
 
     window_count: int = 0
@@ -192,6 +189,8 @@ class Reliability:
     refused: float | None = None
     strangers_refused: float | None = None
     off_map_auroc: float | None = None
+    segment_right: float | None = None
+    segment_ece: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +202,8 @@ class Calibration:
         information_once, information_each: A window whose samples weigh ``w`` says as much as
             ``information_once + information_each w`` independent ones, and no more than it has.
         offset_sd_db: Spread of the survey devices' offsets.
-        position_sd_m: Error of surveyed positions along the road.
+        position_sd_m: Error of surveyed positions along the road, as radii need it.
+        segment_sd_m: The likeliest such error, which blurs the boundaries of sub-segments.
         off_map: Log odds of being on the map, see `app.numerics.offmap.off_map_terms`.
     """
 
@@ -211,6 +211,7 @@ class Calibration:
     information_each: float = 1.0
     offset_sd_db: float = 1.0
     position_sd_m: float = 0.0
+    segment_sd_m: float = 0.0
     off_map: tuple[float, ...] = (4.0, 2.0, 0.0, 0.0)
     window_count: int = 0
     reliability: Reliability = Reliability()
@@ -240,8 +241,7 @@ class Window:
     What a vehicle heard over its last metres, oldest sample first.
 
     Attributes:
-        distance_m: Travelled distance of each sample, non-decreasing, any origin. Shape
-            ``(samples,)``.
+        distance_m: Travelled, non-decreasing, any origin. Shape ``(samples,)``.
         rsrp_dbm: Shape ``(samples, cells)``; NaN = not heard.
     """
 

@@ -34,7 +34,8 @@ PARAMETERS = {
     "information_once": ("samples", "What a window says however long it is, as so many samples."),
     "information_each": ("samples a weight", "What each further weight of samples (10 m) adds."),
     "offset_sd_db": ("dB", "Spread of the survey devices' offsets."),
-    "position_sd_m": ("m", "Error of surveyed positions along the road."),
+    "position_sd_m": ("m", "Error of surveyed positions along the road, as radii need it."),
+    "segment_sd_m": ("m", "The most probable one: how far places reach over boundaries."),
     "off_map": ("nats", OFF_MAP),
 }
 """Unit and meaning of every number of `app.domain.Calibration` that answers depend on."""
@@ -49,6 +50,7 @@ def reliability_document(version: MapVersion) -> Document:
         "window_count": found.window_count,
         "measured_count": found.measured_count,
         "road": {"right": found.road_right, "ece": found.ece, "curve": _curve(found)},
+        "segment": {"right": found.segment_right, "ece": found.segment_ece},
         "position": {
             "median_m": found.median_m,
             "p90_m": found.p90_m,

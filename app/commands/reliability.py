@@ -34,8 +34,11 @@ def _probabilities(found: Document) -> str:
         for each in found["position"]["coverage"]
         if each["confidence"] in (0.68, 0.95)
     )
+    segment = found["segment"]["ece"]
+    and_segment = "" if segment is None else f", the sub-segment's by {_share(segment)}"
     return (
-        f"probabilities: the road's is off by {_share(found['road']['ece'])} on average; "
+        f"probabilities: the road's is off by {_share(found['road']['ece'])} on average"
+        f"{and_segment}; "
         f"the radius held the truth for {held}"
     )
 

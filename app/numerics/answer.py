@@ -39,7 +39,7 @@ def answer(
     fit = fit_of_place(index, query, places, told.best, temperature * known)
     off_map = off_map_probability(index.calibration, fit, query.information(index.calibration))
     road, sign = index.roads[told.road], int(places.sign[told.peak])
-    segment = int(road.edges_m[1:-1].searchsorted(told.chainage_m, side="right"))
+    segment = road.segment_at(told.chainage_m)
     residual, weight = places.values[RESIDUAL:, told.peak].tolist()
     candidates = _candidates(index, told.rivals, 1.0 - off_map)
     return Fix(

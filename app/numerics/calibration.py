@@ -64,7 +64,11 @@ def calibrate(models: Sequence[RoadModel]) -> Calibration:
     sizes = np.array([size_of(one) for _, one in windows])
     once, each, position_sd_m = _most_probable(windows, sizes, index.offset_prior, index.lengths_m)
     learnt = replace(
-        learnt, information_once=once, information_each=each, position_sd_m=position_sd_m
+        learnt,
+        information_once=once,
+        information_each=each,
+        position_sd_m=position_sd_m,
+        segment_sd_m=position_sd_m,
     )
     trials = ask_all(index.recalibrated(learnt), models, windows)
     learnt = replace(learnt, off_map=_log_odds(trials, learnt))

@@ -51,6 +51,10 @@ class RoadIndex:
         """Number of grid positions: all columns of the profile but one outside at either end."""
         return self.along.columns - 2
 
+    def segment_at(self, chainage_m: float) -> int:
+        """Index of the sub-segment that holds a place; a boundary belongs to the later one."""
+        return int(self.edges_m[1:-1].searchsorted(chainage_m, side="right"))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
@@ -63,6 +67,8 @@ class Atlas:
             chainage, degrees. Longitudes of a road across the antimeridian run on beyond 180.
         wraps: Whether any of them does.
         segment: Index of the sub-segment on its road; a boundary belongs to the later one.
+        edge_m: Chainages of all boundaries of sub-segments and of both ends, road after road;
+            ``first_edge[road]`` is a road's first, and the last of all where they end.
     """
 
     start: Int[np.ndarray, " roads"]
@@ -70,6 +76,8 @@ class Atlas:
     step_m: Floats
     plane: Float[np.ndarray, "5 grid"]
     segment: Int[np.ndarray, " grid"]
+    edge_m: Floats
+    first_edge: Int[np.ndarray, " roads+1"]
     wraps: bool
 
     def spot(self, road: np.ndarray, chainage_m: np.ndarray) -> Spot:
@@ -149,9 +157,13 @@ def _road(number: int, model: RoadModel, others: tuple[str, ...]) -> RoadIndex:
         cells=model.cells,
         column=columns_of(model.cells, others),
         along=road_profile(model.cells, *surface, others),
-        edges_m=np.array([s.start_m for s in model.segments] + [model.length_m]),
+        edges_m=_edges_m(model),
         salient=Salient.of(model),
     )
+
+
+def _edges_m(model: RoadModel) -> Floats:
+    return np.array([segment.start_m for segment in model.segments] + [model.length_m])
 
 
 def road_profile(
@@ -178,6 +190,7 @@ def road_profile(
 
 def _draw_atlas(models: Sequence[RoadModel]) -> Atlas:
     sizes = np.array([len(model.mean_dbm) for model in models], dtype=np.intp)
+    edges = [_edges_m(model) for model in models]
     columns: list[list[Floats]] = []
     for model, plane_of in zip(models, planes([model.line for model in models]), strict=True):
         grid_m = np.arange(len(model.mean_dbm)) * model.step_m
@@ -194,6 +207,8 @@ def _draw_atlas(models: Sequence[RoadModel]) -> Atlas:
         step_m=np.array([model.step_m for model in models]),
         plane=np.stack(drawn[:5]),
         segment=drawn[5].astype(np.intp),
+        edge_m=np.concatenate([*edges, np.zeros(0)]),
+        first_edge=np.cumsum([0, *map(len, edges)]),
         wraps=bool(np.any(drawn[2] >= 180.0)),
     )
 

@@ -249,21 +249,30 @@ def redrawn(
 
 def summary(
     places: Places,
-    atlas: tuple[Wholes, Wholes, Wholes, Floats, Floats],
+    atlas: tuple[Wholes, Wholes, Wholes, Floats, Floats, Floats, Wholes],
     temperature: float,
     peak: tuple[float, float],
     radius: tuple[float, float],
+    spread: tuple[float, float],
     negligible: tuple[float, float],
 ) -> tuple[int, float, int, float, float, float, float, float, int, list[Rival]]:
     """
     Twin of `app.numerics.summary.summarise`.
 
     Args:
-        atlas: Start, size, sub-segments, steps and plane.
+        atlas: Start, size, sub-segments, steps, plane, edges and each road's first edge.
         peak: How far about it the position is averaged in metres, and its foot.
         radius: Confidence, and the error of surveyed positions in metres.
+        spread: That error for sub-segments, and how many standard deviations of a place count.
         negligible: Mass of a place and of a rival that do not count.
     """
     return _native.summary(
-        places.where, places.values, *atlas, temperature, *peak, *radius, *negligible
+        places.where,
+        places.values,
+        *atlas,
+        temperature,
+        *peak,
+        *radius,
+        *spread,
+        *negligible,
     )

@@ -139,9 +139,9 @@ def radius_m(
         away_m: Distance of each place from the reported position.
         position_sd_m: Error of surveyed positions along the road.
     """
-    matter = (mass > min(NEGLIGIBLE, 0.5 * float(mass.max()))).nonzero()[0]
+    matter = that_matter(mass)
     away_m, mass = away_m[matter], mass[matter]
-    sd_m = np.sqrt(width_m[matter] ** 2 * (1.0 / 12.0) + position_sd_m**2)
+    sd_m = spread_m(width_m[matter], position_sd_m)
     order = away_m.argsort(kind="stable")
     covered = mass[order].cumsum()
     confidence *= float(covered[-1])
@@ -151,10 +151,20 @@ def radius_m(
     radii = least + (middle + reach - least) * RADIUS_STEPS
     z = radii[:, None] / sd_m
     centre = away_m / sd_m
-    held = (_normal_share(z - centre) - _normal_share(-z - centre)) @ mass
+    held = (normal_share(z - centre) - normal_share(-z - centre)) @ mass
     return float(np.interp(confidence, held, radii))
 
 
-def _normal_share(z: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+def that_matter(mass: Float[np.ndarray, " places"]) -> Int[np.ndarray, " heavy"]:
+    """Indices of the places that are not negligible."""
+    return (mass > min(NEGLIGIBLE, 0.5 * float(mass.max()))).nonzero()[0]
+
+
+def spread_m(width_m: Float[np.ndarray, " places"], sd_m: float) -> Float[np.ndarray, " places"]:
+    """Standard deviation of places as wide as these, each of which errs by ``sd_m``."""
+    return np.asarray(np.sqrt(width_m**2 * (1.0 / 12.0) + sd_m**2))
+
+
+def normal_share(z: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
     """Standard normal distribution function, within 3e-4 (Page 1977)."""
     return np.asarray(0.5 + 0.5 * np.tanh(z * (0.7978846 + 0.035677 * z * z)))

@@ -12,19 +12,30 @@ from app.domain import Calibration, Reliability
 from app.numerics import native
 from app.numerics.index import MapIndex
 from app.numerics.offmap import off_map_probability
-from app.numerics.summary import summarise
+from app.numerics.summary import Summary, summarise
 from app.numerics.trials import Trial
 
 BINS = 10
 CONFIDENCES = (0.5, 0.68, 0.8, 0.9, 0.95)
 
+Curve = tuple[tuple[float, float, int], ...]
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One trial's answer: road right or wrong, its posterior, and the distance from the truth."""
+    """
+    One trial's answer.
+
+    Attributes:
+        right, posterior: Of the road; ``segment_right`` and ``segment_posterior`` of the
+            sub-segment that holds the position, either way along it.
+        error_m: Distance from the truth; ``within`` tells for each confidence if the radius held.
+    """
 
     right: bool
     posterior: float
+    segment_right: bool
+    segment_posterior: float
     error_m: float
     within: tuple[bool, ...]
 
@@ -43,6 +54,8 @@ def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -
     error_m = np.array([one.error_m for one in outcomes])
     within = np.array([one.within for one in outcomes]).mean(axis=0)
     curve = _curve(posterior, right)
+    segment_right = np.array([one.segment_right for one in outcomes])
+    segments = _curve(np.array([one.segment_posterior for one in outcomes]), segment_right)
     told = [(one.fit, one.stranger_fit, one.information(learnt)) for one in trials]
     off = np.array([off_map_probability(learnt, fit, much) for fit, _, much in told])
     strangers = np.array([off_map_probability(learnt, fit, much) for _, fit, much in told])
@@ -50,7 +63,7 @@ def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -
         window_count=len(trials),
         measured_count=sum(one.truth.measured for one in trials),
         road_right=float(right.mean()),
-        ece=sum(count * abs(said - true) for said, true, count in curve) / len(trials),
+        ece=_ece(curve),
         curve=curve,
         coverage=tuple(zip(CONFIDENCES, within.tolist(), strict=True)),
         median_m=float(np.median(error_m)),
@@ -58,6 +71,8 @@ def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -
         refused=float(np.mean(off > 0.5)),
         strangers_refused=float(np.mean(strangers > 0.5)),
         off_map_auroc=auroc(strangers, off),
+        segment_right=float(segment_right.mean()),
+        segment_ece=_ece(segments),
     )
 
 
@@ -72,12 +87,26 @@ def _outcome(index: MapIndex, one: Trial) -> Outcome:
     x_m, y_m = atlas.spot(np.array([one.road, told[0].road]), chainages_m).of(atlas.plane[:2])
     error_m = float(np.hypot(x_m[0] - x_m[1], y_m[0] - y_m[1]))
     within = tuple(error_m <= each.radius_m for each in told)
-    return Outcome(told[0].road == one.road, told[0].road_mass, error_m, within)
+    right = told[0].road == one.road
+    hit, posterior = _segment(index, told[0], one.truth.chainage_m)
+    return Outcome(right, told[0].road_mass, right and hit, posterior, error_m, within)
 
 
-def _curve(
-    posterior: Float[np.ndarray, " windows"], right: Bool[np.ndarray, " windows"]
-) -> tuple[tuple[float, float, int], ...]:
+def _segment(index: MapIndex, told: Summary, chainage_m: float) -> tuple[bool, float]:
+    """Whether the sub-segment that was told holds a place of its road, and its posterior."""
+    road = index.roads[told.road]
+    segment = road.segment_at(told.chainage_m)
+    mass = sum(one[3] for one in told.rivals if one[:2] == (told.road, segment))
+    return bool(road.edges_m[segment] <= chainage_m <= road.edges_m[segment + 1]), mass
+
+
+def _ece(curve: Curve) -> float:
+    """Expected calibration error: by how much the share right misses the posterior."""
+    windows = sum(count for *_, count in curve)
+    return sum(count * abs(said - true) for said, true, count in curve) / windows
+
+
+def _curve(posterior: Float[np.ndarray, " windows"], right: Bool[np.ndarray, " windows"]) -> Curve:
     """Mean posterior, share right and number of windows of every bin that has any."""
     bins = np.minimum((posterior * BINS).astype(int), BINS - 1)
     found = [bins == number for number in range(BINS)]

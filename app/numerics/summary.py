@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +12,7 @@ from app.numerics.geodesy import wrap_longitude_deg
 from app.numerics.index import MapIndex, Spot
 from app.numerics.posterior import NEGLIGIBLE as NEGLIGIBLE_PLACE
 from app.numerics.posterior import Places, masses, radius_m
+from app.numerics.spread import REACH_SDS, over_segments
 
 PEAK_M = 15.0  # the position is the mean of the posterior this far about its peak
 FOOT = 1e-3  # of the peak's density: what lies lower moves no position, looked at or not
@@ -34,7 +34,7 @@ class Summary:
         heading_deg: Of growing chainage.
         best: Index of the place with the highest score of all.
         rivals: One a sub-segment and direction, most probable first; ties by road, sub-segment and
-            direction, forward first.
+            direction, forward first. One that has mass of places beside it only lies at its edge.
     """
 
     road: int
@@ -106,10 +106,14 @@ def _summarise_in_c(
     return Summary(
         *native.summary(
             places,
-            (atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),
+            (
+                *(atlas.start, atlas.size, atlas.segment, atlas.step_m),
+                *(atlas.plane, atlas.edge_m, atlas.first_edge),
+            ),
             temperature,
             (PEAK_M, FOOT),
             (confidence, index.calibration.position_sd_m),
+            (index.calibration.segment_sd_m, REACH_SDS),
             (NEGLIGIBLE_PLACE, NEGLIGIBLE),
         )
     )
@@ -137,24 +141,18 @@ def _rivals(
     mass: Float[np.ndarray, " places"],
     spots: Spot,
 ) -> list[Rival]:
-    segment, score = np.asarray(index.atlas.segment[spots.low]), places.score
-    key = (places.road << 33) + (segment << 1) + (places.sign < 0)
-    edges = [0, *((key[1:] != key[:-1]).nonzero()[0] + 1).tolist(), len(key)]
-    total: dict[int, float] = {}
-    best: dict[int, int] = {}
-    for start, end in pairwise(edges):
-        one = int(key[start])
-        peak = start + int(score[start:end].argmax())
-        total[one] = total.get(one, 0.0) + float(mass[start:end].sum())
-        if one not in best or score[peak] > score[best[one]]:
-            best[one] = peak
-    listed = sorted((-total[one], one) for one in total if total[one] > NEGLIGIBLE)
-    return [_rival(index, places, best[one], spots, -less) for less, one in listed]
-
-
-def _rival(index: MapIndex, places: Places, place: int, spots: Spot, mass: float) -> Rival:
-    number, sign = places.where[:, place].tolist()
-    spot = Spot(np.asarray(spots.low[place]), np.asarray(spots.share[place]))
-    lon, lat = spot.of(index.atlas.plane[2:4]).tolist()
-    segment = int(index.atlas.segment[spot.low])
-    return number, segment, sign, mass, float(places.chainage_m[place]), lon, lat
+    shares = over_segments(index.atlas, places, mass, spots, index.calibration.segment_sd_m)
+    place = shares.place
+    key = (places.road[place] << 33) + (shares.segment << 1) + (places.sign[place] < 0)
+    found, number = np.unique(key, return_inverse=True)
+    total = np.bincount(number, shares.mass)
+    # Of each the best place of its own; of another sub-segment where it has none.
+    order = np.lexsort((place, -places.score[place], shares.spilled, number))
+    best = order[number[order].searchsorted(np.arange(len(found)))]
+    listed = np.lexsort((found, -total))
+    listed = listed[total[listed] > NEGLIGIBLE]
+    place, chainage_m = place[best[listed]], shares.chainage_m[best[listed]]
+    there = index.atlas.spot(places.road[place], chainage_m).of(index.atlas.plane[2:4])
+    names = places.road[place], shares.segment[best[listed]], places.sign[place]
+    columns = (*names, total[listed], chainage_m, *there)
+    return list(zip(*(column.tolist() for column in columns), strict=True))

@@ -115,6 +115,8 @@ def _calibration(stored: Mapping[str, Any]) -> Calibration:
         line = values.pop("off_map_intercept"), values.pop("off_map_slope")
         values["off_map"] = (*line, 0.0, 0.0)
     values["off_map"] = tuple(values["off_map"])
+    if "segment_sd_m" not in values:  # of a version made before sub-segments had one of their own
+        values["segment_sd_m"] = values["position_sd_m"]
     reliability: dict[str, Any] = {
         name: tuple(tuple(pair) for pair in value) if isinstance(value, list) else value
         for name, value in values.pop("reliability", {}).items()

@@ -29,6 +29,8 @@ MEASURED = Reliability(
     refused=0.01,
     strangers_refused=0.92,
     off_map_auroc=0.97,
+    segment_right=0.91,
+    segment_ece=0.027,
 )
 
 
@@ -61,6 +63,7 @@ def test_what_was_measured_is_served(service: Service):
     assert (found["window_count"], found["measured_count"]) == (200, 150)
     assert found["road"]["curve"][0] == {"posterior": 0.55, "right": 0.5, "windows": 20}
     assert found["road"]["ece"] == 0.013
+    assert found["segment"] == {"right": 0.91, "ece": 0.027}
     assert found["position"]["coverage"][1] == {"confidence": 0.68, "share": 0.67}
     assert found["off_map"] == {"refused": 0.01, "strangers_refused": 0.92, "auroc": 0.97}
     offset = found["calibration"]["offset_sd_db"]
@@ -86,6 +89,7 @@ def test_what_was_not_measured_is_said(service: Service, calibration: Calibratio
     if not found["window_count"]:
         assert set(found["off_map"].values()) == {None}
         assert found["road"] == {"right": None, "ece": None, "curve": []}
+        assert found["segment"] == {"right": None, "ece": None}
         assert found["position"] == {"median_m": None, "p90_m": None, "coverage": []}
 
 
@@ -140,9 +144,11 @@ def test_a_build_ends_in_three_lines(service: Service):
     assert "97.0 %" in places
     assert "200 held-out windows (150 driven on another day)" in places
     assert "3.2 m" in places
-    assert "1.3 %" in probabilities
+    assert "the road's is off by 1.3 % on average, the sub-segment's by 2.7 %" in probabilities
     assert "67.0 % at 68 %" in probabilities
     assert "AUROC 0.970" in off_map
     assert note.startswith("note: ")
+    found["segment"]["ece"] = None  # as versions have it from before this was measured
+    assert "1.3 % on average; the radius" in reliability_words(found)[1]
     empty = reliability_document(get_map(service.engine, build_with(service, Calibration())))
     assert [line[:20] for line in reliability_words(empty)] == ["note: Too few held-o"]

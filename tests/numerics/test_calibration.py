@@ -12,15 +12,11 @@ from app.domain import Calibration, RadioMap, Road, Window
 from app.evaluation.scenario import survey, windows
 from app.numerics.answer import fit_of_place
 from app.numerics.calibration import (
-    HELD,
     MIN_WINDOWS,
-    MOST_WIDENED,
     _log_odds,
     _most_probable,
     _offset_sd_db,
-    _wide_enough,
     calibrate,
-    held,
 )
 from app.numerics.evidence_table import COLUMNS, HeldOut, pack, unpack
 from app.numerics.index import MapIndex
@@ -29,9 +25,8 @@ from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability, off_map
 from app.numerics.offsets import OffsetPrior
 from app.numerics.posterior import Places
 from app.numerics.query import ask
-from app.numerics.reliability import auroc, reliability
 from app.numerics.roadfit import fit_road
-from app.numerics.trials import Trial, ask_all, held_out_windows
+from app.numerics.trials import Trial
 from tests.numerics.cities import city_of, error_m, index_of, models_of
 
 PRIOR = OffsetPrior.learnt(1.0)
@@ -89,26 +84,6 @@ def test_the_spread_of_devices_is_learnt(offset_db):
     assert _offset_sd_db([*windows, strange], PRIOR) == pytest.approx(offset_db, rel=0.15)
 
 
-def test_radii_are_widened_until_they_hold():
-    """Truths that lie farther off than the likeliest error says widen it, twice at most."""
-    models, learnt = models_of("harsh"), Calibration(position_sd_m=3.0, information_each=20.0)
-    index = MapIndex.build(RadioMap(0, models, learnt))
-    trials = ask_all(index, models, held_out_windows(models)[::6])
-    off = [
-        replace(one, truth=replace(one.truth, chainage_m=one.places.chainage_m[best] + 4.0))
-        for one in trials
-        for best in [int(one.places.score.argmax())]
-        if one.places.road[best] == one.road
-    ]
-    narrow = reliability(index, off, learnt)
-    found = _wide_enough(index, off, learnt)
-    assert held(narrow) < HELD
-    assert 3.0 < found.position_sd_m <= 3.0 * MOST_WIDENED
-    assert held(found.reliability) > held(narrow)
-    enough = replace(learnt, position_sd_m=11.0)
-    assert _wide_enough(index, off, enough).position_sd_m == 11.0
-
-
 def test_too_little_evidence_keeps_the_defaults():
     """Fewer windows than say anything leave the calibration as it was written."""
     model = models_of()[0]
@@ -144,26 +119,6 @@ def test_one_pass_is_no_measurement_of_devices():
     passes = [one for one in survey(city) if one.road_id == truth.road_id]
     model = fit_road(Road(truth.road_id, line=truth.line), passes)
     assert all(one.measured for one in unpack(model.evidence, 0))
-
-
-def test_a_map_tells_its_reliability():
-    """Every share is one, bins hold all windows, and coverage grows with the confidence."""
-    told = calibrate(models_of(cells=2)).reliability
-    assert told.window_count == sum(count for _, _, count in told.curve) > 100
-    shares = (told.road_right, told.ece, told.refused, told.strangers_refused, told.off_map_auroc)
-    assert all(0.0 <= share <= 1.0 for share in shares)
-    held = [share for _, share in told.coverage]
-    assert held == sorted(held)
-    right = sum(right * count for _, right, count in told.curve) / told.window_count
-    assert right == pytest.approx(told.road_right)
-
-
-def test_auroc_is_the_chance_to_be_ordered_right():
-    """Against every pair counted; ties count half."""
-    rng = np.random.default_rng(2)
-    positive, negative = rng.integers(0, 9, 40) * 1.0, rng.integers(0, 6, 30) * 1.0
-    pairs = [(p > n) + 0.5 * (p == n) for p in positive for n in negative]
-    assert auroc(positive, negative) == pytest.approx(np.mean(pairs))
 
 
 def test_off_map_falls_with_the_fit():

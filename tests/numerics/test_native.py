@@ -142,7 +142,11 @@ def test_stretches_are_scored_the_same(seed, stretched, data):
 def test_refinement_and_summary_are_the_same(seed, temperature, confidence, position_sd_m):
     """From the same places: the finer ones, then road, position, radius and rivals in order."""
     window = a_window(seed, ("e",))
-    calibration = Calibration(information_each=1.0 / temperature, position_sd_m=position_sd_m)
+    calibration = Calibration(
+        information_each=1.0 / temperature,
+        position_sd_m=position_sd_m,
+        segment_sd_m=2.0 * position_sd_m,
+    )
     index = map_of(gentle(seed % 5), calibration)
     fast, plain = ask(index, window, in_c=True), ask(index, window)
     places = fine_places(index, fast, shortlist(index, fast))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import sqlalchemy as sa
@@ -11,6 +13,7 @@ from app.store import builds, catalog, models, roads, versions
 from app.store.columns import utc_now
 from app.store.engine import read, write
 from app.store.records import Bounds
+from app.store.tables import map_versions
 from tests.factories import CELLS, line_at, model_of
 
 ARRAYS = ("mean_dbm", "spread_db", "heard", "features", "evidence")
@@ -110,6 +113,20 @@ def test_a_calibration_reads_the_evidence(engine, build_id):
     assert [model.road_id for model in found] == ["r1", "r2"]
     for model in found:
         np.testing.assert_array_equal(model.evidence, built[model.road_id].evidence)
+
+
+def test_a_calibration_from_before_sub_segments_were_blurred_is_read(engine, build_id):
+    """Their position error is the radius's, and what was not measured is None."""
+    version = publish(engine, build_id, model_of("r1", seed=3))
+    stored = dataclasses.asdict(dataclasses.replace(CALIBRATION, position_sd_m=4.5))
+    del stored["segment_sd_m"], stored["reliability"]["segment_right"]
+    del stored["reliability"]["segment_ece"]
+    with write(engine) as connection:
+        connection.execute(map_versions.update().values(calibration=stored))
+        found = versions.select_calibration(connection, version)
+    assert found is not None
+    assert (found.position_sd_m, found.segment_sd_m) == (4.5, 4.5)
+    assert (found.reliability.segment_right, found.reliability.segment_ece) == (None, None)
 
 
 def test_a_build_builds_a_road_once(engine, build_id):

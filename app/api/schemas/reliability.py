@@ -30,6 +30,16 @@ class RoadReliability(BaseModel):
     curve: list[ReliabilityPoint] = Field(description="Ten bins; those without windows left out.")
 
 
+class SegmentReliability(BaseModel):
+    """Of the sub-segment that holds the position; null in versions made before it was measured."""
+
+    right: float | None = Field(description="Share of windows whose truth lay in it.")
+    ece: float | None = Field(
+        description="Expected calibration error of `segment.posterior`, on-map share; as of the "
+        "road: mean distance of `right` from it over ten bins, 0..1."
+    )
+
+
 class PositionReliability(BaseModel):
     """Of the position and its radius."""
 
@@ -70,6 +80,7 @@ class ReliabilityDocument(BaseModel):
         description="Of these, driven on another day than their curves; the rest are simulated."
     )
     road: RoadReliability
+    segment: SegmentReliability
     position: PositionReliability
     off_map: OffMapReliability
     calibration: dict[str, CalibrationParameter]

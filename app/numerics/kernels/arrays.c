@@ -190,7 +190,10 @@ Atlas atlas(Call *call)
     const double *step_m = array(call, 'd', READ, 1, roads);
     plane_shape[1] = grid[0];
     const double *plane = array(call, 'd', READ, 2, plane_shape);
-    return (Atlas){roads[0], grid[0], start, size, segment, step_m, plane};
+    Py_ssize_t edges[1] = {-1}, firsts[1] = {call->failed ? -1 : roads[0] + 1};
+    const double *edge_m = array(call, 'd', READ, 1, edges);
+    const int64_t *first_edge = array(call, 'l', READ, 1, firsts);
+    return (Atlas){roads[0], grid[0], edges[0], start, size, segment, step_m, plane, edge_m, first_edge};
 }
 
 PyObject *release(Call *call, PyObject *result)

@@ -39,7 +39,7 @@ Along along(Call *call, char row); /* 'r': rows, or 'b': bend */
 Tape tape_of(Call *call);          /* blocks, outside */
 Likelihood likelihood(Call *call); /* a tuple of six floats */
 Places places(Call *call);         /* where, values */
-Atlas atlas(Call *call);           /* start, size, segment, step_m, plane */
+Atlas atlas(Call *call);           /* start, size, segment, step_m, plane, edge_m, first_edge */
 
 /* Sets ValueError unless `holds`. */
 void demand(Call *call, int holds, const char *what);

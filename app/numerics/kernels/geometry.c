@@ -1,11 +1,10 @@
-/* Twins of what app.numerics.answer and app.numerics.posterior.radius_m make of places. */
+/* Twins of app.numerics.index.Atlas.spot and app.numerics.posterior.radius_m. */
 #include "kernels.h"
 
 #include "approximate.h"
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #define SURE_SDS 8.0f /* farther is certain to the last bit */
 enum { FEW = 32, RADII = 17, LANES = 24 }; /* radii are padded to whole vectors */
@@ -31,99 +30,6 @@ double between(const Atlas *atlas, int row, ptrdiff_t low, double share)
 {
     const double *at = atlas->plane + row * atlas->grid + low;
     return at[0] + share * (at[1] - at[0]);
-}
-
-/* A candidate's place in an order: small enough to be moved about. */
-typedef struct {
-    double mass;
-    uint64_t key; /* by road, sub-segment and direction, forward first */
-    ptrdiff_t order;
-} Ranked;
-
-static int by_road(const void *left, const void *right)
-{
-    const Ranked *a = left, *b = right;
-    if (a->key != b->key)
-        return a->key < b->key ? -1 : 1;
-    return (a->order > b->order) - (a->order < b->order);
-}
-
-static int by_mass(const void *left, const void *right)
-{
-    const Ranked *a = left, *b = right;
-    if (a->mass != b->mass)
-        return a->mass > b->mass ? -1 : 1;
-    return by_road(left, right);
-}
-
-static uint64_t key_of(const Candidate *one)
-{
-    return (uint64_t)one->road << 33 | (uint64_t)one->segment << 1 | (uint64_t)(one->sign < 0);
-}
-
-/* Places one after the other in a sub-segment and direction are one entry; how many there are. */
-static ptrdiff_t list_runs(const Places *places, const double *mass, const Atlas *atlas,
-                           Candidate *runs)
-{
-    const double *at_m = places->values + CHAINAGE * places->count;
-    const double *score = places->values + SCORE * places->count;
-    ptrdiff_t count = 0;
-    for (ptrdiff_t i = 0; i < places->count; i++) {
-        double share;
-        int64_t road = places->road[i], sign = places->sign[i] < 0 ? -1 : 1;
-        ptrdiff_t low = spot(atlas, road, at_m[i], &share);
-        if (low < 0)
-            return low;
-        int64_t segment = atlas->segment[low];
-        Candidate *last = runs + count - 1;
-        if (count == 0 || last->road != road || last->segment != segment || last->sign != sign)
-            *++last = (Candidate){road, segment, sign, 0.0, -INFINITY, 0.0};
-        count = last - runs + 1;
-        last->mass += mass[i];
-        if (score[i] > last->score || last->score == -INFINITY) {
-            last->score = score[i];
-            last->chainage_m = at_m[i];
-        }
-    }
-    return count;
-}
-
-/* One a sub-segment and direction, most probable first; ties by road, segment, forward first. */
-ptrdiff_t list_candidates(const Places *places, const double *mass, const Atlas *atlas,
-                          Candidate *listed)
-{
-    ptrdiff_t runs = list_runs(places, mass, atlas, listed), count = 0;
-    if (runs <= 0)
-        return runs;
-    Ranked *ranked = malloc(sizeof *ranked * (size_t)runs);
-    Candidate *ordered = malloc(sizeof *ordered * (size_t)runs);
-    if (ranked == NULL || ordered == NULL) {
-        free(ranked);
-        free(ordered);
-        return OUT_OF_MEMORY;
-    }
-    for (ptrdiff_t i = 0; i < runs; i++)
-        ranked[i] = (Ranked){listed[i].mass, key_of(listed + i), i};
-    qsort(ranked, (size_t)runs, sizeof *ranked, by_road);
-    for (ptrdiff_t i = 0; i < runs; i++) {
-        if (count > 0 && ranked[count - 1].key == ranked[i].key) {
-            Candidate *best = listed + ranked[count - 1].order;
-            ranked[count - 1].mass += ranked[i].mass;
-            if (listed[ranked[i].order].score > best->score)
-                *best = listed[ranked[i].order];
-        } else {
-            ranked[count++] = ranked[i];
-        }
-    }
-    qsort(ranked, (size_t)count, sizeof *ranked, by_mass);
-    for (ptrdiff_t i = 0; i < count; i++) {
-        ordered[i] = listed[ranked[i].order];
-        ordered[i].mass = ranked[i].mass;
-    }
-    memcpy(listed, ordered, sizeof *listed * (size_t)count);
-    free(ranked);
-    free(ordered);
-    return count;
 }
 
 typedef struct {

@@ -53,15 +53,29 @@ typedef struct {
 } Places;
 
 typedef struct {
-    ptrdiff_t roads, grid;
+    ptrdiff_t roads, grid, edges;
     const int64_t *start, *size, *segment;
     const double *step_m, *plane; /* (PLANE, grid) */
+    const double *edge_m;
+    const int64_t *first_edge; /* (roads + 1) */
 } Atlas;
+
+/* How far places reach along their roads: see app.numerics.spread. */
+typedef struct {
+    double sd_m, reach_sds, negligible; /* mass of places that are not spread */
+} Spread;
 
 typedef struct {
     int64_t road, segment, sign;
     double mass, score, chainage_m; /* of its best place, but for the mass */
+    int64_t spilled;                /* it has no place of its own: chainage of the edge next to it */
 } Candidate;
+
+/* Room grows as it fills; `each` is given back by whoever began it. */
+typedef struct {
+    Candidate *each;
+    ptrdiff_t count, room;
+} Candidates;
 
 /* Arms of a tape's junctions: app.numerics.turns.Arms; windows end 1 to `ends` columns past them. */
 typedef struct {
@@ -160,11 +174,17 @@ ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *
                       const Likelihood *likelihood, const Drawing *drawing, const Places *before,
                       Room *room, double *log_prior);
 
+/* spread.c */
+int list_runs(const Places *places, const double *mass, const Atlas *atlas, const Spread *spread,
+              Candidates *runs);
+
+/* candidates.c */
+int list_candidates(const Places *places, const double *mass, const Atlas *atlas,
+                    const Spread *spread, Candidates *listed);
+
 /* geometry.c */
 ptrdiff_t spot(const Atlas *atlas, int64_t road, double chainage_m, double *share);
 double between(const Atlas *atlas, int row, ptrdiff_t low, double share);
-ptrdiff_t list_candidates(const Places *places, const double *mass, const Atlas *atlas,
-                          Candidate *listed);
 int radius(const Places *places, const double *mass, const Atlas *atlas, double x_m, double y_m,
            double confidence, double position_sd_m, double negligible, double *radius_m);
 

@@ -223,15 +223,14 @@ static PyObject *tuple_of(const Candidate *one, const Atlas *map)
     return tuple;
 }
 
-static PyObject *list_of(const Candidate *listed, ptrdiff_t count, const Atlas *map,
-                         double negligible)
+static PyObject *list_of(const Candidates *listed, const Atlas *map, double negligible)
 {
     ptrdiff_t wanted = 0;
-    while (wanted < count && listed[wanted].mass > negligible)
+    while (wanted < listed->count && listed->each[wanted].mass > negligible)
         wanted++;
     PyObject *list = PyList_New(wanted);
     for (ptrdiff_t i = 0; list != NULL && i < wanted; i++) {
-        PyObject *one = tuple_of(listed + i, map);
+        PyObject *one = tuple_of(listed->each + i, map);
         if (one == NULL || PyList_SetItem(list, i, one) < 0)
             Py_CLEAR(list);
     }
@@ -240,9 +239,9 @@ static PyObject *list_of(const Candidate *listed, ptrdiff_t count, const Atlas *
 
 /* What app.numerics.summary draws from places, in one go. */
 static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, double *mass,
-                         Candidate *listed, const double options[7])
+                           const double options[9])
 {
-    ptrdiff_t road, peak, count, low, best = 0;
+    ptrdiff_t road, peak, low, best = 0;
     const double *score = all->values + SCORE * all->count;
     double road_mass, chainage_m, share = 0.0, radius_m = 0.0, heaviest = 0.0;
     share_mass(all, options[0], mass);
@@ -253,13 +252,16 @@ static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, doub
     check(call, find_summit(all, mass, map->roads, options[1], options[2], &road,
                             &road_mass, &peak, &chainage_m));
     check(call, low = call->failed ? 0 : spot(map, road, chainage_m, &share));
-    check(call, count = call->failed ? 0 : list_candidates(all, mass, map, listed));
     if (call->failed)
         return NULL;
     double x_m = between(map, X_M, low, share), y_m = between(map, Y_M, low, share);
-    double negligible = fmin(options[5], 0.5 * heaviest);
+    double negligible = fmin(options[7], 0.5 * heaviest);
     check(call, radius(all, mass, map, x_m, y_m, options[3], options[4], negligible, &radius_m));
-    PyObject *list = call->failed ? NULL : list_of(listed, count, map, options[6]);
+    Spread spread = {options[5], options[6], negligible};
+    Candidates listed = {0};
+    check(call, call->failed ? 0 : list_candidates(all, mass, map, &spread, &listed));
+    PyObject *list = call->failed ? NULL : list_of(&listed, map, options[8]);
+    free(listed.each);
     if (list == NULL)
         return NULL;
     return Py_BuildValue("ndndddddnN", road, road_mass, peak, chainage_m,
@@ -271,20 +273,18 @@ static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 14))
+    if (!begin(&call, arguments, given, 18))
         return NULL;
     Places all = places(&call);
     Atlas map = atlas(&call);
-    double options[7]; /* temperature, peak's two, confidence, position_sd_m, negligible's two */
-    for (int i = 0; i < 7; i++)
+    double options[9]; /* temperature, and two each of peak, radius, spread and negligible */
+    for (int i = 0; i < 9; i++)
         options[i] = number(&call);
     double *mass = call.failed ? NULL : malloc(sizeof *mass * (size_t)all.count);
-    Candidate *listed = call.failed ? NULL : malloc(sizeof *listed * (size_t)all.count);
-    if (!call.failed && (mass == NULL || listed == NULL))
+    if (!call.failed && mass == NULL)
         check(&call, OUT_OF_MEMORY);
-    PyObject *found = call.failed ? NULL : summed_up(&call, &all, &map, mass, listed, options);
+    PyObject *found = call.failed ? NULL : summed_up(&call, &all, &map, mass, options);
     free(mass);
-    free(listed);
     return release(&call, found);
 }
 
