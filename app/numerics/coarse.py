@@ -28,6 +28,7 @@ from app.numerics.corners import (
     worth_laying,
 )
 from app.numerics.index import MapIndex
+from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS, offset_gain
 from app.numerics.posterior import kept_by_mass
 from app.numerics.query import Query
@@ -247,7 +248,7 @@ def merged(
 def _score_tape(
     index: MapIndex,
     query: Query,
-    column: dict[str, int],
+    column: Columns,
     level: CoarseProfile,
     arms: LaidArms | None,
     score: Float32[np.ndarray, " places"],

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from app.numerics.carriers import carrier_of, numbers_in
+from app.numerics.carriers import carrier_of
 from app.numerics.corners import TURN_SHARE
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.observation import (
@@ -64,17 +64,17 @@ class _Laid:
     chainage_m: float
 
 
-def _laid(index: MapIndex, place: Place, length_m: float) -> _Laid:
+def _laid(index: MapIndex, place: Place, length_m: float, cells: tuple[str, ...]) -> _Laid:
     """
     Args:
-        length_m: Of the window.
+        length_m, cells: Of the window.
     """
     way = place.way
     if way is None:
         return _Laid(index.roads[place.road], place.sign, place.chainage_m)
     past_m = round(way.sign * (place.chainage_m - way.entered_m))
     before_m = max(math.ceil(length_m) + 1 - past_m, 1)
-    road = road_along(index, way, (-before_m, past_m + 1))
+    road = road_along(index, way, (-before_m, past_m + 1), cells)
     return _Laid(road, 1, float(before_m + past_m))
 
 
@@ -121,7 +121,7 @@ def contributions(
     Args:
         device_db: The device offset to take out of the levels; None = the one that fits the place.
     """
-    laid = _laid(index, place, query.length_m)
+    laid = _laid(index, place, query.length_m, query.cells)
     road, at = laid.road, laid.chainage_m / laid.road.step_m
     low = min(int(at), road.grid_size - 2)
     share = min(at - low, 1.0)
@@ -238,7 +238,7 @@ def _of_cells(
     terms: int,
 ) -> Float[np.ndarray, "terms samples cells"]:
     out = np.zeros((terms, len(columns), len(cells)))
-    for at, row in enumerate(numbers_in(road.column, cells)):
+    for at, row in enumerate(road.column.numbers(cells)):
         if row >= 0:
             out[:, :, at] = rows[row * terms : (row + 1) * terms, columns]
     return out
@@ -266,7 +266,7 @@ def expected(
     behind_m: Float[np.ndarray, " samples"],
 ) -> Expected:
     """What the map expects of each sample, straight between the grid positions about it."""
-    laid = _laid(index, place, float(behind_m.max(initial=0.0)))
+    laid = _laid(index, place, float(behind_m.max(initial=0.0)), cells)
     road = laid.road
     at = (laid.chainage_m - laid.sign * behind_m) / road.step_m + 1.0
     at = np.clip(at, 0.0, road.along.columns - 1.0)

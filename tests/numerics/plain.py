@@ -73,15 +73,37 @@ def weights(found: list[Reading]) -> list[float]:
     return [min(one / CORRELATION_M, 1.0) for one in either]
 
 
+def newcomers(models: tuple[RoadModel, ...], model: RoadModel) -> frozenset[str]:
+    """Cells heard on none of the days on which the model's road heard any cell of the carrier."""
+    out = set()
+    for cell in {cell for one in models for cell in one.cells}:
+        alike = [c for c in model.cells if _carrier(c) == _carrier(cell)]
+        listened = {day for c in alike for day in _days(model, c)}
+        on_air = {day for one in models if cell in one.cells for day in _days(one, cell)}
+        if listened and "" not in listened | on_air and not listened & on_air:
+            out.add(cell)
+    return frozenset(out)
+
+
+def _days(model: RoadModel, cell: str) -> list[str]:
+    at = model.cells.index(cell)
+    return [day for day, heard in model.heard_on.items() if heard[at]] if model.heard_on else [""]
+
+
 def log_likelihood(
-    model: RoadModel, found: list[Reading], place: int, sign: int, offset_db: float
+    model: RoadModel,
+    found: list[Reading],
+    place: int,
+    sign: int,
+    offset_db: float,
+    new: frozenset[str] = frozenset(),
 ) -> float:
     """Of a window that ends at a grid position, less that of the background."""
     total = 0.0
     for one, weight in zip(found, weights(found), strict=True):
         at = place - sign * int(np.rint(one.behind_m / model.step_m))
         if 0 <= at < len(model.mean_dbm):
-            total += weight * _one_place(model, one, at, offset_db)
+            total += weight * _one_place(model, one, at, offset_db, new)
         else:
             heard = sum(one.share.values())
             total += HEARING_WEIGHT * weight * heard * math.log(OUTSIDE_HEARD)
@@ -92,7 +114,9 @@ def _carrier(cell: str) -> str:
     return cell[: cell.rfind(":")] if ":" in cell else ""
 
 
-def _one_place(model: RoadModel, one: Reading, at: int, offset_db: float) -> float:
+def _one_place(
+    model: RoadModel, one: Reading, at: int, offset_db: float, new: frozenset[str]
+) -> float:
     total = 0.0
     listened = {_carrier(cell) for cell, share in one.share.items() if share > 0.0}
     for column, cell in enumerate(model.cells):
@@ -100,7 +124,7 @@ def _one_place(model: RoadModel, one: Reading, at: int, offset_db: float) -> flo
         if mapped and _carrier(cell) in listened:
             total += HEARING_WEIGHT * math.log(1.0 - _chance(model, at, cell))
     for cell, share in one.share.items():
-        chance = _chance(model, at, cell)
+        chance = 0.5 if cell in new else _chance(model, at, cell)
         total += HEARING_WEIGHT * share * math.log(chance / (1.0 - chance))
         column = model.cells.index(cell) if cell in model.cells else None
         if column is not None and not math.isnan(model.mean_dbm[at, column]):
@@ -135,10 +159,15 @@ def offset_prior(offset_sd_db: float) -> np.ndarray:
 
 
 def marginal(
-    model: RoadModel, found: list[Reading], place: int, sign: int, offset_sd_db: float
+    model: RoadModel,
+    found: list[Reading],
+    place: int,
+    sign: int,
+    offset_sd_db: float,
+    new: frozenset[str] = frozenset(),
 ) -> tuple[float, float]:
     """Log likelihood with the offset integrated out numerically, and the offset's mean."""
-    at = {b: log_likelihood(model, found, place, sign, b) for b in (-1.0, 0.0, 1.0)}
+    at = {b: log_likelihood(model, found, place, sign, b, new) for b in (-1.0, 0.0, 1.0)}
     slope, bend = (at[1.0] - at[-1.0]) / 2.0, at[1.0] + at[-1.0] - 2.0 * at[0.0]
     log = at[0.0] + slope * OFFSETS_DB + 0.5 * bend * OFFSETS_DB**2  # a sum of squares in b
     mass = np.exp(log - log.max()) * offset_prior(offset_sd_db)
@@ -154,7 +183,9 @@ def posterior(
     known = {cell for model in models for cell in model.cells}
     found = readings(window, known)
     score = {
-        (model.road_id, sign, place): marginal(model, found, place, sign, offset_sd_db)[0]
+        (model.road_id, sign, place): marginal(
+            model, found, place, sign, offset_sd_db, newcomers(models, model)
+        )[0]
         for model in models
         for sign in (1, -1)
         for place in range(len(model.mean_dbm))
