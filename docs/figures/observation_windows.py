@@ -18,9 +18,9 @@ from app.numerics import observation
 from app.numerics.geodesy import Floats, distance_m
 from app.numerics.index import MapIndex
 from app.numerics.lines import point_at, project
-from app.numerics.matching import whole_roads
 from app.numerics.posterior import masses
 from app.numerics.query import ask
+from app.numerics.stretches import whole_roads
 
 SEED = 3
 LENGTHS_M = (0.0, 25.0, 50.0, 100.0, 200.0, 400.0)
