@@ -116,8 +116,7 @@ class Segment:
     """
     A sub-segment: a stretch of road within which the signals' trend holds.
 
-    ``features`` has shape ``(5, cells)`` in the order of `FEATURE_KINDS` and of the road model's
-    cells, NaN where a cell is not heard on the stretch. ``curves`` holds one curve a heard cell.
+    ``features`` are as the road's, NaN where a cell is not heard; ``curves`` one a heard cell.
     """
 
     index: int
@@ -141,6 +140,7 @@ class RoadModel:
         mean_dbm: Expected RSRP. Shape ``(grid, cells)``, float32; NaN where the cell is not mapped.
         spread_db: Standard deviation of a new sample about ``mean_dbm``, same shape, float32.
         heard: Probability that a sample of its carrier hears the cell, mapped or not, same shape.
+        heard_on: Cells heard on each survey day (ISO date, or ``""``), shape ``(cells,)`` each.
         features: The road-scale features (Eq. 3). Shape ``(5, cells)``.
         evidence: Held-out windows of this road's own passes, for calibration; columns as in
             `app.numerics.evidence_table.COLUMNS`. Shape ``(windows, columns)``, float32.
@@ -160,6 +160,7 @@ class RoadModel:
     pass_count: int
     sample_count: int
     evidence: Float[np.ndarray, "windows columns"]
+    heard_on: Mapping[str, Bool[np.ndarray, " cells"]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,6 +71,7 @@ def model_of(
     cells: tuple[str, ...] = CELLS,
     segment_count: int = 3,
     step_m: float = 2.0,
+    days: tuple[str, ...] | None = None,
 ) -> RoadModel:
     """A road model of the right shapes with seeded numbers, as if it had been fitted."""
     rng = np.random.default_rng(seed)
@@ -97,6 +98,7 @@ def model_of(
         pass_count=2,
         sample_count=grid * 2,
         evidence=rng.normal(size=(7, 4)).astype(np.float32),
+        heard_on={} if days is None else {day: rng.random(len(cells)) < 0.5 for day in days},
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 NOTHING_KNOWN = 0.25  # chance of a cell whose carrier no survey pass has heard there
+NEWCOMER_HEARD = 0.5  # of a cell that a road's days say nothing of: neither for it nor against
 
 
 def carrier_of(cell: str) -> str:
@@ -52,11 +53,6 @@ def columns_of(cells: Sequence[str], others: Sequence[str] = ()) -> dict[str, in
     """
     names = [*cells, *map(stand_in, carriers_of(cells, others))]
     return {name: number for number, name in enumerate(names)}
-
-
-def numbers_in(column: dict[str, int], cells: Sequence[str]) -> list[int]:
-    """Each cell's column, its carrier's stand-in where it has none; -1 = not even that."""
-    return [column.get(cell, column.get(stand_in(carrier_of(cell)), -1)) for cell in cells]
 
 
 def unmapped_chance(

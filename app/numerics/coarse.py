@@ -28,6 +28,7 @@ from app.numerics.corners import (
     worth_laying,
 )
 from app.numerics.index import MapIndex
+from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS
 from app.numerics.offsets import take_offsets
 from app.numerics.posterior import kept_by_mass
@@ -248,7 +249,7 @@ def merged(
 def _score_tape(
     index: MapIndex,
     query: Query,
-    column: dict[str, int],
+    column: Columns,
     level: CoarseProfile,
     arms: LaidArms | None,
     score: Float32[np.ndarray, " places"],

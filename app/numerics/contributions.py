@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from app.numerics import carriers
-from app.numerics.carriers import carrier_of, numbers_in
+from app.numerics.carriers import carrier_of
 from app.numerics.corners import TURN_SHARE
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex, RoadIndex
@@ -66,19 +66,19 @@ class LaidAt:
     chainage_m: float
 
 
-def laid_at(index: MapIndex, place: Place, length_m: float) -> LaidAt:
+def laid_at(index: MapIndex, place: Place, length_m: float, cells: tuple[str, ...]) -> LaidAt:
     """
     Where a place lies on what a window was driven along.
 
     Args:
-        length_m: Of the window.
+        length_m, cells: Of the window.
     """
     way = place.way
     if way is None:
         return LaidAt(index.roads[place.road], place.sign, place.chainage_m)
     past_m = round(way.sign * (place.chainage_m - way.entered_m))
     before_m = max(math.ceil(length_m) + 1 - past_m, 1)
-    road = road_along(index, way, (-before_m, past_m + 1))
+    road = road_along(index, way, (-before_m, past_m + 1), cells)
     return LaidAt(road, 1, float(before_m + past_m))
 
 
@@ -126,7 +126,7 @@ def contributions(
         device_db: The offsets of all cells to take out of the levels; None = those that fit the
             place.
     """
-    laid = laid_at(index, place, query.length_m)
+    laid = laid_at(index, place, query.length_m, query.cells)
     road, at = laid.road, laid.chainage_m / laid.road.step_m
     low = min(int(at), road.grid_size - 2)
     share = min(at - low, 1.0)
@@ -264,7 +264,7 @@ def _of_cells(
     terms: int,
 ) -> Float[np.ndarray, "terms samples cells"]:
     out = np.zeros((terms, len(columns), len(cells)))
-    for at, row in enumerate(numbers_in(road.column, cells)):
+    for at, row in enumerate(road.column.numbers(cells)):
         if row >= 0:
             out[:, :, at] = rows[row * terms : (row + 1) * terms, columns]
     return out

@@ -34,7 +34,7 @@ def expected(
     behind_m: Float[np.ndarray, " samples"],
 ) -> Expected:
     """What the map expects of each sample, straight between the grid positions about it."""
-    laid = laid_at(index, place, float(behind_m.max(initial=0.0)))
+    laid = laid_at(index, place, float(behind_m.max(initial=0.0)), cells)
     road = laid.road
     at = (laid.chainage_m - laid.sign * behind_m) / road.step_m + 1.0
     at = np.clip(at, 0.0, road.along.columns - 1.0)

@@ -150,7 +150,7 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
     here = answered_place(index, query, fix)
     there = runner_up(index, query, here)
     road = index.roads[here.road]
-    reference = next(cell for cell, at in road.column.items() if at == road.salient.reference)
+    reference = road.cells[road.salient.reference]
     sight = _Sight(index, query, behind_m, rsrp_dbm, reference)
     answer = sight.account(here)
     rival = sight.account(there, answer.told.offset_db)  # it is one device, wherever it was
@@ -197,8 +197,8 @@ class _Sight:
             expected=there,
             silent_hearing=dict(zip(silent, _means(hearing), strict=True)),
             features=self._predicted(there, told.offset_db),
-            road_mask=_mask_of(road.salient.road, road.column, cells),
-            segment_mask=_mask_of(road.salient.segment(segment), road.column, cells),
+            road_mask=_mask_of(road.salient.road, road.cells, cells),
+            segment_mask=_mask_of(road.salient.segment(segment), road.cells, cells),
         )
 
     def features(self, rsrp_dbm: Float[np.ndarray, "samples cells"]) -> Float[np.ndarray, "k c"]:
@@ -229,13 +229,13 @@ def _means(hearing: Float[np.ndarray, "samples cells"]) -> list[float]:
 
 
 def _mask_of(
-    mask: Bool[np.ndarray, "kinds own"], column: dict[str, int], cells: tuple[str, ...]
+    mask: Bool[np.ndarray, "kinds own"], own: tuple[str, ...], cells: tuple[str, ...]
 ) -> Bool[np.ndarray, "kinds cells"]:
     """A road's mask for the window's cells; those that the road lacks are not salient."""
     out = np.zeros((len(FEATURE_KINDS), len(cells)), dtype=bool)
     for at, cell in enumerate(cells):
-        if cell in column:
-            out[:, at] = mask[:, column[cell]]
+        if cell in own:
+            out[:, at] = mask[:, own.index(cell)]
     return out
 
 

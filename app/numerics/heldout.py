@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float
 
 from app.numerics.alignment import align
-from app.numerics.carriers import columns_of
 from app.numerics.evidence_table import HeldOut, pack
 from app.numerics.index import road_profile
+from app.numerics.newcomers import Columns
 from app.numerics.observation import Evidence, Profile
 from app.numerics.passes import RoadPass
 from app.numerics.posterior import SCORE, Places
@@ -174,7 +174,7 @@ def _held_out(
     along, step_m = road
     names = tuple(cells[column] for column in heard)
     query = prepare(names, (), travelled_m, rsrp[:, heard])
-    aim = query.aim(columns_of(cells), step_m)
+    aim = query.aim(Columns.plain(cells), step_m)
     values = np.zeros((SCORE + len(aim.factors), 2, along.columns - 2))
     grid_m = np.arange(along.columns - 2) * step_m
     for way, sign in enumerate(BOTH):

@@ -9,17 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from app.domain import Calibration, RadioMap, RoadModel
-from app.numerics.carriers import carrier_of, carriers_of, columns_of
+from app.numerics.carriers import carrier_of, carriers_of
+from app.numerics.days import Days
 from app.numerics.geodesy import Floats, LonLat
 from app.numerics.graph import RoadGraph
 from app.numerics.lines import headings_deg, point_at
 from app.numerics.neighbourhoods import planes
+from app.numerics.newcomers import Columns, Newcomers
 from app.numerics.observation import Profile, profile
 from app.numerics.offsets import OffsetPrior
 from app.numerics.salient import Salient
@@ -33,7 +35,7 @@ class RoadIndex:
     One road, ready for alignment; column ``i + 1`` of its profile is grid position ``i``.
 
     Attributes:
-        column: Number of each cell, and of each carrier's stand-in, in the profile.
+        column: Numbers of cells, and of what stands in for those that the road lacks.
     """
 
     road_id: str
@@ -41,7 +43,7 @@ class RoadIndex:
     length_m: float
     step_m: float
     cells: tuple[str, ...]
-    column: dict[str, int]
+    column: Columns
     along: Profile
     edges_m: Floats
     salient: Salient
@@ -104,7 +106,11 @@ class MapIndex:
     """A whole map version, immutable after `build`."""
 
     def __init__(
-        self, radio_map: RadioMap, roads: Sequence[RoadIndex], carriers: tuple[str, ...]
+        self,
+        radio_map: RadioMap,
+        roads: Sequence[RoadIndex],
+        carriers: tuple[str, ...],
+        newcomers: Newcomers,
     ) -> None:
         self.version = radio_map.version
         self.calibration = radio_map.calibration
@@ -120,7 +126,7 @@ class MapIndex:
         self.atlas = _draw_atlas(radio_map.models)
         self.lines = tuple(model.line for model in radio_map.models)
         self.graph = RoadGraph.of(self.lines)
-        self.tapes = lay_tapes(radio_map.models, carriers)
+        self.tapes = lay_tapes(radio_map.models, carriers, newcomers)
         self.coarse_places = places_of(self.tapes)
         self.turns = find_turns(self.graph, _grounds(self), self.tapes)
 
@@ -136,10 +142,12 @@ class MapIndex:
     @classmethod
     def build(cls, radio_map: RadioMap) -> MapIndex:
         """Lay out a map version for matching; numpy only, some 10 ms a road."""
-        models = radio_map.models
+        days = Days.of(radio_map.models)
+        models = tuple(days.tempered(road, one) for road, one in enumerate(radio_map.models))
+        radio_map, newcomers = replace(radio_map, models=models), Newcomers.of(days)
         carriers = carriers_of(sorted({cell for model in models for cell in model.cells}))
-        roads = [_road(number, model, carriers) for number, model in enumerate(models)]
-        return cls(radio_map, roads, carriers)
+        roads = [_road(number, model, carriers, newcomers) for number, model in enumerate(models)]
+        return cls(radio_map, roads, carriers, newcomers)
 
 
 def _grounds(index: MapIndex) -> Grounds:
@@ -147,16 +155,19 @@ def _grounds(index: MapIndex) -> Grounds:
     return Grounds(index.lengths_m, atlas.step_m, atlas.start, atlas.size, atlas.plane[4])
 
 
-def _road(number: int, model: RoadModel, others: tuple[str, ...]) -> RoadIndex:
-    surface = (model.mean_dbm, model.spread_db, model.heard)
+def _road(
+    number: int, model: RoadModel, others: tuple[str, ...], newcomers: Newcomers
+) -> RoadIndex:
+    along = road_profile(model.cells, model.mean_dbm, model.spread_db, model.heard, others)
+    laid = newcomers.among((number,), model.cells, others)
     return RoadIndex(
         road_id=model.road_id,
         number=number,
         length_m=model.length_m,
         step_m=model.step_m,
         cells=model.cells,
-        column=columns_of(model.cells, others),
-        along=road_profile(model.cells, *surface, others),
+        column=laid.columns,
+        along=laid.muted(along, np.where(along.rows[-1] > 0.0, -1, 0)),
         edges_m=_edges_m(model),
         salient=Salient.of(model),
     )

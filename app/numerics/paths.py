@@ -15,9 +15,9 @@ from jaxtyping import Float32, Int
 
 from app.numerics import native
 from app.numerics.alignment import score_positions
-from app.numerics.carriers import columns_of, numbers_in
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.motion import Branch, Leg
+from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS, Profile
 from app.numerics.offsets import take_offsets
 from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
@@ -118,16 +118,21 @@ def _lay(
     places.where[1] = sign  # along the way all windows go forward
 
 
-def road_along(index: MapIndex, way: Way, span: tuple[int, int]) -> RoadIndex:
+def road_along(
+    index: MapIndex, way: Way, span: tuple[int, int], heard: tuple[str, ...]
+) -> RoadIndex:
     """
     A way as a road of its own: chainage 0 is ``-span[0]`` metres before the last road was entered.
 
     Slow, for explanations; its sub-segments and salient features are those of the last road.
+
+    Args:
+        heard: Cells of the window: what each road says of those that it lacks is laid out, too.
     """
     roads = [index.roads[leg.road] for leg in way.legs] + [index.roads[way.road]]
     cells = tuple(sorted(set().union(*(road.cells for road in roads))))
-    column = columns_of(cells, index.carriers)
-    rows = _rows_along(index, tuple(column), way, span)
+    column = Columns.plain(sorted({*cells, *heard}), index.carriers)
+    rows = _rows_along(index, tuple(column.cell), way, span)
     outside = np.zeros((len(rows), 1), dtype=np.float32)
     outside[-1] = 1.0
     rows = np.ascontiguousarray(np.concatenate((outside, rows, outside), axis=1))
@@ -175,6 +180,6 @@ def _shared(
     road: RoadIndex, names: tuple[str, ...]
 ) -> tuple[Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
     """Rows of the names that the road has, or a stand-in for: in their own order, in the road's."""
-    pairs = [(i, at) for i, at in enumerate(numbers_in(road.column, names)) if at >= 0]
+    pairs = [(i, at) for i, at in enumerate(road.column.numbers(names)) if at >= 0]
     numbers = np.array(pairs, dtype=np.intp).reshape(-1, 2, 1) * TERMS + np.arange(TERMS)
     return numbers[:, 0].ravel(), numbers[:, 1].ravel()

@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from app.domain import Calibration, Window
 from app.numerics import carriers, native
 from app.numerics.index import MapIndex
+from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS, Evidence, coefficients, evidence
 from app.numerics.offsets import OffsetPrior
 from app.numerics.tapes import COARSE_STEPS_M, GAP
@@ -102,18 +103,18 @@ class Query:
         """Travelled distance from the oldest usable sample to the last."""
         return float(self.fine.behind_m[-1])
 
-    def aim(self, column: dict[str, int], step_m: float, *, joined: bool = False) -> Aim:
+    def aim(self, column: Columns, step_m: float, *, joined: bool = False) -> Aim:
         """
         Match the window's cells with a profile's rows.
 
         Args:
-            column: Number of each cell in the profile.
+            column: Numbers of cells in the profile.
             step_m: Metres between the profile's columns.
             joined: Add up the samples of one column, which then count as one: the same scores for
                 fewer products where a column is longer than a sample.
         """
         factors, rows, here = self.factors, None, None
-        numbers = self.numbers(column)
+        numbers = column.numbers(self.cells)
         if numbers != list(range(len(column))):
             there = np.array(numbers, dtype=np.intp)
             here = np.flatnonzero(there >= 0)
@@ -126,14 +127,9 @@ class Query:
             factors, behind = np.add.reduceat(factors, starts, axis=1), behind[starts]
         return Aim(rows, here, factors, behind)
 
-    def aimed(self, told: native.Told, column: dict[str, int]) -> native.Aimed:
+    def aimed(self, told: native.Told, column: Columns) -> native.Aimed:
         """Twin of `aim` for the kernels in C, which do the rest of it themselves."""
-        return native.Aimed(told.block, told.samples, self.numbers(column), told.carrier)
-
-    def numbers(self, column: dict[str, int]) -> list[int]:
-        """Each cell's column, its carrier's stand-in where it has none; -1 = not even that."""
-        found = [column.get(cell, -1) for cell in self.cells]
-        return found if -1 not in found else carriers.numbers_in(column, self.cells)
+        return native.Aimed(told.block, told.samples, column.numbers(self.cells), told.carrier)
 
     def aim_at(self, index: MapIndex, road: int) -> Aim:
         """The window aimed at one road's fine profile; worked out once a road."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
 from app.domain import Line, Road, RoadModel, Trace
 from app.errors import NoCells, NotEnoughSamples, RoadTooShort
@@ -250,4 +250,17 @@ def _assemble(
         pass_count=len(laid.passes),
         sample_count=sum(len(one.chainage_m) for one in fit.passes),
         evidence=held_out_evidence(laid.passes, laid.cells, surface, refit, work.step_m),
+        heard_on=_heard_on(laid),
     )
+
+
+def _heard_on(laid: _Laid) -> dict[str, Bool[np.ndarray, " cells"]]:
+    """Cells that each day's passes heard on the road."""
+    days = [
+        trace.recorded_at.date().isoformat() if trace.recorded_at else "" for trace in laid.traces
+    ]
+    heard = [(one.heard > 0.0).any(axis=0) for one in laid.passes]
+    return {
+        day: np.any([one for one, its in zip(heard, days, strict=True) if its == day], axis=0)
+        for day in sorted(set(days))
+    }

@@ -20,12 +20,12 @@ from app.domain import RoadModel
 from app.numerics.carriers import (
     NOTHING_KNOWN,
     carrier_of,
-    columns_of,
     numbers,
     unmapped_chance,
 )
 from app.numerics.geodesy import Floats
 from app.numerics.lines import z_order
+from app.numerics.newcomers import Columns, Laid, Newcomers
 from app.numerics.observation import HEARD_FLOOR, HEARING_WEIGHT, TERMS, Profile, profile
 
 COARSE_STEPS_M = (4.0, 8.0, 16.0)  # each serves windows up to GAP times as long
@@ -109,13 +109,13 @@ class Tape:
 
     Attributes:
         roads: Numbers of the roads, in the order of their columns.
-        column: Row of each cell that any of the roads has heard.
+        column: Rows of cells that any of the roads has heard, and of what stands in for others.
         salient: The cells that tell any of the roads, or of their sub-segments, from the others.
         levels: The same stretch at each of `COARSE_STEPS_M`.
     """
 
     roads: tuple[int, ...]
-    column: dict[str, int]
+    column: Columns
     salient: frozenset[str]
     levels: tuple[CoarseProfile, ...]
 
@@ -144,7 +144,9 @@ def salient_cells(model: RoadModel) -> list[str]:
     return [cell for cell, salient in zip(model.cells, chosen.tolist(), strict=True) if salient]
 
 
-def lay_tapes(models: Sequence[RoadModel], others: tuple[str, ...]) -> tuple[Tape, ...]:
+def lay_tapes(
+    models: Sequence[RoadModel], others: tuple[str, ...], newcomers: Newcomers
+) -> tuple[Tape, ...]:
     """
     All roads on tapes, neighbours together.
 
@@ -152,7 +154,7 @@ def lay_tapes(models: Sequence[RoadModel], others: tuple[str, ...]) -> tuple[Tap
         others: All carriers of the map.
     """
     return tuple(
-        _lay_tape([models[i] for i in group], group, others, number * NUMBERS)
+        _lay_tape([models[i] for i in group], group, others, newcomers, number * NUMBERS)
         for number, group in enumerate(_groups(models))
     )
 
@@ -166,20 +168,26 @@ def places_of(tapes: Sequence[Tape]) -> tuple[CoarsePlaces, ...]:
 
 
 def _lay_tape(
-    models: Sequence[RoadModel], group: tuple[int, ...], others: tuple[str, ...], first: int
+    models: Sequence[RoadModel],
+    group: tuple[int, ...],
+    others: tuple[str, ...],
+    newcomers: Newcomers,
+    first: int,
 ) -> Tape:
     cells = sorted({cell for model in models for cell in model.cells})
+    laid = newcomers.among(group, cells, others)
     levels = tuple(
-        _lay_level(models, group, (cells, others), step, first) for step in COARSE_STEPS_M
+        _lay_level(models, group, (cells, others), laid, step, first) for step in COARSE_STEPS_M
     )
     salient = frozenset(cell for model in models for cell in salient_cells(model))
-    return Tape(group, columns_of(cells, others), salient, levels)
+    return Tape(group, laid.columns, salient, levels)
 
 
 def _lay_level(
     models: Sequence[RoadModel],
     group: tuple[int, ...],
     names: tuple[Sequence[str], Sequence[str]],
+    laid: Laid,
     step_m: float,
     first: int,
 ) -> CoarseProfile:
@@ -196,10 +204,11 @@ def _lay_level(
     positions = np.concatenate(
         [start + np.arange(n) for start, n in zip(starts, sizes, strict=True)]
     )
-    outside = np.ones(len(mean), dtype=bool)
-    outside[positions] = False
+    road = np.full(len(mean), -1)
+    road[positions] = np.repeat(np.arange(len(sizes)), sizes)
     positions = positions.astype(np.intp)
-    blocks, at = _in_blocks(profile(cells, mean, spread, heard, outside, others))
+    along = laid.muted(profile(cells, mean, spread, heard, road < 0, others), road)
+    blocks, at = _in_blocks(along)
     return CoarseProfile(
         step_m=step_m,
         blocks=blocks,

@@ -17,7 +17,8 @@ from sqlalchemy.engine import Connection, Row
 from app.domain import FEATURE_KINDS, Curve, Line, RoadModel, Salience, Segment
 from app.store.bounds import bounds_of
 from app.store.columns import B1, F4, F8, pack, unpack, utc_now
-from app.store.tables import builds, fits, map_roads, model_cells, road_models, segments
+from app.store.days import HeardOn, day_rows, select_days
+from app.store.tables import builds, fits, map_roads, model_cells, model_days, road_models, segments
 
 KINDS = len(FEATURE_KINDS)
 MOST_BOUND = 500  # values in one IN list: well below every database's limit
@@ -37,6 +38,7 @@ def insert_model(connection: Connection, build_id: str, model: RoadModel) -> int
     ]
     _insert_all(connection, fits, rows)
     _insert_all(connection, model_cells, _cell_rows(model_id, model))
+    _insert_all(connection, model_days, day_rows(model_id, model))
     return model_id
 
 
@@ -48,13 +50,16 @@ def load_models(connection: Connection, version: int) -> list[RoadModel]:
     ``evidence`` is empty.
     """
     columns = [column for column in road_models.c if column.name != "evidence"]
+    days = select_days(
+        connection, sa.select(map_roads.c.model_id).where(map_roads.c.version == version)
+    )
     rows = connection.execute(
         sa.select(*columns)
         .join(map_roads, map_roads.c.model_id == road_models.c.model_id)
         .where(map_roads.c.version == version)
         .order_by(map_roads.c.road_id)
     )
-    return [_model(row, _served_segments(row)) for row in rows]
+    return [_model(row, _served_segments(row), days.get(row.model_id, {})) for row in rows]
 
 
 def load_by_id(connection: Connection, model_ids: Sequence[int]) -> list[RoadModel]:
@@ -62,8 +67,9 @@ def load_by_id(connection: Connection, model_ids: Sequence[int]) -> list[RoadMod
     loaded = []
     for first in range(0, len(model_ids), MOST_BOUND):
         some = road_models.c.model_id.in_(model_ids[first : first + MOST_BOUND])
+        days = select_days(connection, sa.select(road_models.c.model_id).where(some))
         rows = connection.execute(sa.select(road_models).where(some))
-        loaded += [_model(row, _served_segments(row)) for row in rows]
+        loaded += [_model(row, _served_segments(row), days.get(row.model_id, {})) for row in rows]
     return sorted(loaded, key=lambda model: model.road_id)
 
 
@@ -97,8 +103,10 @@ def delete_of_build(connection: Connection, build_id: str) -> None:
 
 def load_model(connection: Connection, model_id: int) -> RoadModel:
     """One model, whole: with fits and evidence."""
-    row = connection.execute(sa.select(road_models).where(_is(road_models, model_id))).one()
-    return _model(row, tuple(select_segments(connection, model_id)))
+    this = _is(road_models, model_id)
+    row = connection.execute(sa.select(road_models).where(this)).one()
+    days = select_days(connection, sa.select(road_models.c.model_id).where(this))
+    return _model(row, tuple(select_segments(connection, model_id)), days.get(model_id, {}))
 
 
 def select_segments(
@@ -227,7 +235,7 @@ def _cell_rows(model_id: int, model: RoadModel) -> list[dict[str, Any]]:
     return rows
 
 
-def _model(row: Row[Any], parts: tuple[Segment, ...]) -> RoadModel:
+def _model(row: Row[Any], parts: tuple[Segment, ...], heard_on: HeardOn) -> RoadModel:
     grid = (row.grid_count, row.cell_count)
     evidence = getattr(row, "evidence", b"")  # a serving process leaves it in the store
     return RoadModel(
@@ -247,6 +255,7 @@ def _model(row: Row[Any], parts: tuple[Segment, ...]) -> RoadModel:
         evidence=unpack(evidence, F4).reshape(-1, row.evidence_columns)
         if row.evidence_columns
         else np.zeros((0, 0), dtype=np.float32),
+        heard_on=heard_on,
     )
 
 

@@ -13,7 +13,7 @@ from sqlalchemy import Boolean, Column, Float, ForeignKey, Integer, LargeBinary,
 
 from app.store.columns import UtcMoment
 
-SCHEMA_REVISION = "0005"  # of the newest file in migrations/versions: a start without Alembic
+SCHEMA_REVISION = "0006"  # of the newest file in migrations/versions: a start without Alembic
 
 metadata = sa.MetaData(
     naming_convention={
@@ -224,6 +224,14 @@ model_cells = Table(
     Column("min_dbm", Float),
     Column("max_dbm", Float),
     Column("mean_dbm", Float),
+)
+
+model_days = Table(  # which of its cells each survey day of a model heard; none: not known
+    "model_days",
+    metadata,
+    Column("model_id", ForeignKey("road_models.model_id", ondelete="CASCADE"), primary_key=True),
+    Column("day", String(10), primary_key=True),  # ISO date, empty of passes without one
+    Column("heard", LargeBinary, nullable=False),
 )
 
 map_versions = Table(

@@ -27,9 +27,9 @@ from observation_windows import Maps, indices
 from app.domain import Road, Window
 from app.numerics.index import MapIndex
 from app.numerics.lines import project
-from app.numerics.matching import whole_roads
 from app.numerics.query import ask
 from app.numerics.roadfit import register_road
+from app.numerics.stretches import whole_roads
 
 mpl.use("agg")
 mpl.rcParams.update({"font.size": 8, "axes.spines.top": False, "axes.spines.right": False})

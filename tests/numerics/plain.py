@@ -77,6 +77,23 @@ def weights(found: list[Reading]) -> list[float]:
     return [min(one / CORRELATION_M, 1.0) for one in either]
 
 
+def newcomers(models: tuple[RoadModel, ...], model: RoadModel) -> frozenset[str]:
+    """Cells heard on none of the days on which the model's road heard any cell of the carrier."""
+    out = set()
+    for cell in {cell for one in models for cell in one.cells}:
+        alike = [c for c in model.cells if _carrier(c) == _carrier(cell)]
+        listened = {day for c in alike for day in _days(model, c)}
+        on_air = {day for one in models if cell in one.cells for day in _days(one, cell)}
+        if listened and "" not in listened | on_air and not listened & on_air:
+            out.add(cell)
+    return frozenset(out)
+
+
+def _days(model: RoadModel, cell: str) -> list[str]:
+    at = model.cells.index(cell)
+    return [day for day, heard in model.heard_on.items() if heard[at]] if model.heard_on else [""]
+
+
 def log_likelihood(
     model: RoadModel,
     found: list[Reading],
@@ -84,6 +101,7 @@ def log_likelihood(
     sign: int,
     offset_db: float,
     only: str | None = None,
+    new: frozenset[str] = frozenset(),
 ) -> float:
     """
     Of a window that ends at a grid position, less that of the background.
@@ -94,7 +112,7 @@ def log_likelihood(
     for one, weight in zip(found, weights(found), strict=True):
         at = place - sign * int(np.rint(one.behind_m / model.step_m))
         if 0 <= at < len(model.mean_dbm):
-            total += weight * _one_place(model, one, at, offset_db, only)
+            total += weight * _one_place(model, one, at, offset_db, only, new)
         else:
             heard = sum(one.share.values())
             total += HEARING_WEIGHT * weight * heard * math.log(OUTSIDE_HEARD)
@@ -106,7 +124,12 @@ def _carrier(cell: str) -> str:
 
 
 def _one_place(
-    model: RoadModel, one: Reading, at: int, offset_db: float, only: str | None
+    model: RoadModel,
+    one: Reading,
+    at: int,
+    offset_db: float,
+    only: str | None,
+    new: frozenset[str],
 ) -> float:
     total = 0.0
     listened = {_carrier(cell) for cell, share in one.share.items() if share > 0.0}
@@ -115,7 +138,7 @@ def _one_place(
         if mapped and _carrier(cell) in listened:
             total += HEARING_WEIGHT * math.log(1.0 - _chance(model, at, cell))
     for cell, share in one.share.items():
-        chance = _chance(model, at, cell)
+        chance = 0.5 if cell in new else _chance(model, at, cell)
         total += HEARING_WEIGHT * share * math.log(chance / (1.0 - chance))
         column = model.cells.index(cell) if cell in model.cells else None
         if column is not None and not math.isnan(model.mean_dbm[at, column]):
@@ -157,6 +180,7 @@ def marginal(
     sign: int,
     offset_sd_db: float,
     temperature: float = 1.0,
+    new: frozenset[str] = frozenset(),
     *,
     carriers: bool = False,
 ) -> tuple[float, float]:
@@ -165,10 +189,11 @@ def marginal(
 
     Readings are tempered before the prior meets them. ``carriers``: each has an offset of its own.
     """
-    log = np.full(len(OFFSETS_DB), log_likelihood(model, found, place, sign, 0.0) / temperature)
+    at = log_likelihood(model, found, place, sign, 0.0, None, new)
+    log = np.full(len(OFFSETS_DB), at / temperature)
     for carrier in {_carrier(cell) for one in found for cell in one.share}:
-        at = [log_likelihood(model, found, place, sign, b, carrier) for b in (-1.0, 0.0, 1.0)]
-        slope, bend = (at[2] - at[0]) / 2.0, at[2] + at[0] - 2.0 * at[1]
+        said = [log_likelihood(model, found, place, sign, b, carrier, new) for b in (-1.0, 1.0)]
+        slope, bend = (said[1] - said[0]) / 2.0, said[1] + said[0] - 2.0 * at
         if carriers:
             log += _with_own(slope / temperature, bend / temperature)
         else:
@@ -196,7 +221,7 @@ def posterior(
     found = readings(window, known)
     score = {
         (model.road_id, sign, place): marginal(
-            model, found, place, sign, offset_sd_db, temperature
+            model, found, place, sign, offset_sd_db, temperature, newcomers(models, model)
         )[0]
         for model in models
         for sign in (1, -1)

@@ -149,7 +149,7 @@ def test_tapes_hold_all_cells_and_know_the_salient_ones():
     for tape in index.tapes:
         roads = [models[number] for number in tape.roads]
         cells = sorted({cell for model in roads for cell in model.cells})
-        assert tape.column == columns_of(cells)
+        assert tape.column.cell == columns_of(cells)
         assert tape.salient == {cell for model in roads for cell in salient_cells(model)}
 
 

@@ -78,7 +78,7 @@ def stretch_of(
     index: MapIndex, query: Query, number: int, first: int, last: int
 ) -> tuple[object, ...]:
     road = index.roads[number]
-    along, cells = road.along, query.numbers(road.column)
+    along, cells = road.along, road.column.numbers(query.cells)
     where = (number, -1, first, last, road.step_m, road.length_m)
     return (along.rows, along.bend, cells, *where)
 

@@ -52,6 +52,9 @@ def assert_same(one: RoadModel, other: RoadModel) -> None:
     for name in ("mean_dbm", "spread_db", "heard", "features", "evidence"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     np.testing.assert_array_equal(one.salience.mask, other.salience.mask)
+    assert sorted(one.heard_on) == sorted(other.heard_on)
+    for day, heard in one.heard_on.items():
+        np.testing.assert_array_equal(heard, other.heard_on[day])
     assert (one.pass_count, one.sample_count) == (other.pass_count, other.sample_count)
     assert [s.start_m for s in one.segments] == [s.start_m for s in other.segments]
     for mine, theirs in zip(one.segments, other.segments, strict=True):
@@ -103,6 +106,20 @@ def test_a_cell_never_heard_moves_nothing(small):
         for one in some_passes()
     ]
     assert_same(fit_road(ROAD, silent), small)
+
+
+def test_a_model_remembers_what_each_day_heard():
+    """A day a date, one for all passes without; a cell that came later was not heard before."""
+    first, second, third, _ = some_passes()
+    first = replace(first, cells=("a", "b", "z"), rsrp_dbm=first.rsrp_dbm[:, [0, 1, 1]])
+    passes = [first, second, third, replace(second, recorded_at=None, lat=second.lat + 1e-6)]
+    model = fit_road(ROAD, [replace(one, rsrp_dbm=one.rsrp_dbm.copy()) for one in passes])
+    told = {
+        day: {cell for cell, there in zip(model.cells, heard, strict=True) if there}
+        for day, heard in model.heard_on.items()
+    }
+    later = {"a", "b", "c"}
+    assert told == {"": later, "2021-05-08": later | {"z"}, "2021-06-01": later}
 
 
 def test_curves_lie_near_the_truth(fitted):

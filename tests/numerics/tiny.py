@@ -28,6 +28,14 @@ def tiny_models(seed: int, *, length_m: float = 60.0, step_m: float = 1.0) -> tu
     return tuple(replace(one, length_m=(len(one.mean_dbm) - 1) * step_m) for one in made)
 
 
+def on_days(models: tuple[RoadModel, ...], *days: str) -> tuple[RoadModel, ...]:
+    """Roads surveyed on a day each, on which all their cells were heard."""
+    pairs = zip(models, days, strict=True)
+    return tuple(
+        replace(one, heard_on={day: np.ones(len(one.cells), dtype=bool)}) for one, day in pairs
+    )
+
+
 def map_of(models: tuple[RoadModel, ...], calibration: Calibration | None = None) -> MapIndex:
     return MapIndex.build(RadioMap(3, models, calibration or Calibration()))
 

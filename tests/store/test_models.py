@@ -47,6 +47,12 @@ def assert_same_salience(first, second):
     assert first.search == second.search
 
 
+def assert_same_days(first, second):
+    assert sorted(first.heard_on) == sorted(second.heard_on)
+    for day, heard in second.heard_on.items():
+        np.testing.assert_array_equal(first.heard_on[day], heard)
+
+
 def assert_same_segment(first, second):
     for name in ("index", "start_m", "end_m", "mid_lon", "mid_lat"):
         assert getattr(first, name) == getattr(second, name)
@@ -65,11 +71,12 @@ def assert_same_curves(first, second):
 
 def test_a_model_comes_back_bit_for_bit(engine, build_id):
     """Grids, line, features, masks, segments and fits survive the store unchanged."""
-    model = model_of("r1", seed=1)
+    model = model_of("r1", seed=1, days=("2021-05-08", "2021-05-17", ""))
     with write(engine) as connection:
         model_id = models.insert_model(connection, build_id, model)
     with read(engine) as connection:
         found = models.load_model(connection, model_id)
+    assert_same_days(found, model)
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(found, name), getattr(model, name), err_msg=name)
     np.testing.assert_array_equal(found.line.lon, model.line.lon)
@@ -85,7 +92,8 @@ def test_a_model_comes_back_bit_for_bit(engine, build_id):
 
 def test_a_served_model_is_the_built_one_without_curves_and_evidence(engine, build_id):
     """What matching reads equals what was built; nothing is read from segments or fits."""
-    built = [model_of("r2", seed=2), model_of("r1", seed=3, segment_count=5)]
+    dated = model_of("r1", seed=3, segment_count=5, days=("2021-05-08",))
+    built = [model_of("r2", seed=2), dated]
     version = publish(engine, build_id, *built)
     said: list[str] = []
     sa.event.listen(engine, "before_cursor_execute", lambda *args: said.append(args[2]))
@@ -96,6 +104,7 @@ def test_a_served_model_is_the_built_one_without_curves_and_evidence(engine, bui
     for found, model in zip(served, reversed(built), strict=True):
         for name in ARRAYS[:-1]:
             np.testing.assert_array_equal(getattr(found, name), getattr(model, name))
+        assert_same_days(found, model)
         assert found.evidence.shape == (0, model.evidence.shape[1])
         for one, other in zip(found.segments, model.segments, strict=True):
             assert_same_segment(one, other)
@@ -104,7 +113,8 @@ def test_a_served_model_is_the_built_one_without_curves_and_evidence(engine, bui
 
 def test_a_calibration_reads_the_evidence(engine, build_id):
     """Models by number carry their held-out windows, by road id."""
-    built = {model.road_id: model for model in (model_of("r2", seed=2), model_of("r1", seed=3))}
+    two = model_of("r2", seed=2, days=("2021-05-07", "")), model_of("r1", seed=3)
+    built = {model.road_id: model for model in two}
     version = publish(engine, build_id, *built.values())
     with read(engine) as connection:
         numbers = versions.model_ids(connection, version)
@@ -113,6 +123,7 @@ def test_a_calibration_reads_the_evidence(engine, build_id):
     assert [model.road_id for model in found] == ["r1", "r2"]
     for model in found:
         np.testing.assert_array_equal(model.evidence, built[model.road_id].evidence)
+        assert_same_days(model, built[model.road_id])
 
 
 def test_a_calibration_from_before_sub_segments_were_blurred_is_read(engine, build_id):
@@ -140,11 +151,12 @@ def test_a_build_builds_a_road_once(engine, build_id):
 def test_dropping_a_builds_models_drops_all_of_them(engine, build_id):
     """Segments, fits and cells of a dropped model go with it."""
     with write(engine) as connection:
-        model_id = models.insert_model(connection, build_id, model_of("r1", seed=1))
+        model = model_of("r1", seed=1, days=("2021-05-08",))
+        model_id = models.insert_model(connection, build_id, model)
         models.delete_of_build(connection, build_id)
         assert models.of_build(connection, build_id) == {}
         assert models.select_segments(connection, model_id) == []
-        for table in ("fits", "model_cells"):
+        for table in ("fits", "model_cells", "model_days"):
             assert connection.scalar(sa.text(f"SELECT count(*) FROM {table}")) == 0  # noqa: S608
 
 
