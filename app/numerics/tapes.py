@@ -8,8 +8,9 @@ a window has any business with; all cells then tell its roads apart.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ TAPE_COLUMNS = 1600  # beyond, a tape's matrix product costs more than starting 
 MERGED = 4  # rows of a cell at the coarse scale
 BLOCK = 16  # columns that lie together, the kernels' measure
 NUMBERS = 1 << 32  # more than the columns of any tape
+NO_TAPE = np.zeros(0, dtype=np.intp)
 BOTH = (1, -1)  # directions of travel: towards growing chainage, and against
 
 
@@ -83,6 +85,7 @@ class CoarseProfile:
         outside: 1 where there is no road. Shape ``(columns,)``.
         positions: The columns that are road. Shape ``(positions,)``.
         places: What each score is of: all positions both ways. Shape ``(2 positions,)``.
+        runs: Which of these is the first of each sub-segment and direction. Shape ``(runs,)``.
     """
 
     step_m: float
@@ -90,6 +93,7 @@ class CoarseProfile:
     outside: Float32[np.ndarray, " columns"]
     positions: Int[np.ndarray, " positions"]
     places: CoarsePlaces
+    runs: Int[np.ndarray, " runs"]
 
     @property
     def columns(self) -> int:
@@ -110,14 +114,55 @@ class Tape:
     Attributes:
         roads: Numbers of the roads, in the order of their columns.
         column: Row of each cell that any of the roads has heard.
-        salient: The cells that tell any of the roads, or of their sub-segments, from the others.
+        heard: These cells.
+        salient: Those that tell any of the roads, or of their sub-segments, from the others.
         levels: The same stretch at each of `COARSE_STEPS_M`.
     """
 
     roads: tuple[int, ...]
     column: dict[str, int]
+    heard: frozenset[str]
     salient: frozenset[str]
     levels: tuple[CoarseProfile, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Acquaintance:
+    """
+    The tapes that know each cell, and those where it is salient.
+
+    Attributes:
+        tapes: How many there are.
+    """
+
+    tapes: int
+    known: dict[str, Int[np.ndarray, " knowing"]]
+    salient: dict[str, Int[np.ndarray, " salient"]]
+
+    @classmethod
+    def of_all(cls, tapes: Sequence[Tape]) -> Acquaintance:
+        """Of a map's tapes."""
+        known = _listed([tape.heard for tape in tapes])
+        return cls(len(tapes), known, _listed([tape.salient for tape in tapes]))
+
+    def of(
+        self, cells: Sequence[str]
+    ) -> tuple[Int[np.ndarray, " tapes"], Int[np.ndarray, " tapes"]]:
+        """How many of these cells, all on the map, each tape knows, and are salient there."""
+        known = [NO_TAPE, *(self.known[cell] for cell in cells)]
+        salient = [NO_TAPE, *(self.salient.get(cell, NO_TAPE) for cell in cells)]
+        return (
+            np.bincount(np.concatenate(known), minlength=self.tapes),
+            np.bincount(np.concatenate(salient), minlength=self.tapes),
+        )
+
+
+def _listed(every: Sequence[Iterable[str]]) -> dict[str, Int[np.ndarray, " tapes"]]:
+    found: dict[str, list[int]] = {}
+    for number, cells in enumerate(every):
+        for cell in cells:
+            found.setdefault(cell, []).append(number)
+    return {cell: np.array(numbers, dtype=np.intp) for cell, numbers in found.items()}
 
 
 def _groups(models: Sequence[RoadModel]) -> list[tuple[int, ...]]:
@@ -165,6 +210,20 @@ def places_of(tapes: Sequence[Tape]) -> tuple[CoarsePlaces, ...]:
     )
 
 
+def runs_of(tapes: Sequence[Tape]) -> tuple[Int[np.ndarray, " runs"], ...]:
+    """Which of these is the first of each sub-segment and direction."""
+    return tuple(
+        joined_runs([tape.levels[size] for tape in tapes])
+        for size in range(len(COARSE_STEPS_M) if tapes else 0)
+    )
+
+
+def joined_runs(levels: Sequence[CoarseProfile]) -> Int[np.ndarray, " runs"]:
+    """Where the runs of several tapes begin when their scores lie one after the other."""
+    starts = accumulate([len(level.places) for level in levels], initial=0)
+    return np.concatenate([one.runs + start for one, start in zip(levels, starts, strict=False)])
+
+
 def _lay_tape(
     models: Sequence[RoadModel], group: tuple[int, ...], others: tuple[str, ...], first: int
 ) -> Tape:
@@ -173,7 +232,7 @@ def _lay_tape(
         _lay_level(models, group, (cells, others), step, first) for step in COARSE_STEPS_M
     )
     salient = frozenset(cell for model in models for cell in salient_cells(model))
-    return Tape(group, columns_of(cells, others), salient, levels)
+    return Tape(group, columns_of(cells, others), frozenset(cells), salient, levels)
 
 
 def _lay_level(
@@ -181,7 +240,7 @@ def _lay_level(
     group: tuple[int, ...],
     names: tuple[Sequence[str], Sequence[str]],
     step_m: float,
-    first: int,
+    number: int,
 ) -> CoarseProfile:
     cells, others = names
     parts = [_coarse_road(model, cells, step_m) for model in models]
@@ -200,6 +259,8 @@ def _lay_level(
     outside[positions] = False
     positions = positions.astype(np.intp)
     blocks, at = _in_blocks(profile(cells, mean, spread, heard, outside, others))
+    chainages_m = [np.arange(n) * step_m for n in sizes]
+    first = _first_of_runs(models, chainages_m)
     return CoarseProfile(
         step_m=step_m,
         blocks=blocks,
@@ -208,10 +269,22 @@ def _lay_level(
         places=CoarsePlaces(
             road=np.tile(np.repeat(np.array(group), sizes), 2),
             sign=np.repeat(np.array(BOTH), len(positions)),
-            chainage_m=np.tile(np.concatenate([np.arange(n) * step_m for n in sizes]), 2),
-            number=np.concatenate((positions, positions + len(mean))) + first,
+            chainage_m=np.tile(np.concatenate(chainages_m), 2),
+            number=np.concatenate((positions, positions + len(mean))) + number,
         ),
+        runs=np.concatenate((first, first + len(positions))),
     )
+
+
+def _first_of_runs(models: Sequence[RoadModel], chainages_m: Sequence[Floats]) -> np.ndarray:
+    """Which positions of the roads, one after the other, are the first of their sub-segment."""
+    firsts, before = [], 0
+    for model, chainage_m in zip(models, chainages_m, strict=True):
+        starts_m = np.array([segment.start_m for segment in model.segments[1:]])
+        segment = starts_m.searchsorted(chainage_m, side="right")
+        firsts.append(before + np.concatenate(([0], np.flatnonzero(np.diff(segment)) + 1)))
+        before += len(chainage_m)
+    return np.concatenate(firsts)
 
 
 def _in_blocks(
