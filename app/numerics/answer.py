@@ -14,6 +14,8 @@ from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
 from app.numerics.tapes import BOTH
 
+_new = tuple.__new__  # a window that fits everywhere names a thousand: a third of the time
+
 
 def answer(
     index: MapIndex,
@@ -92,7 +94,7 @@ def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Ca
     names, ways = index.road_ids, {sign: _direction(sign) for sign in BOTH}
     return tuple(
         [
-            Candidate(names[road], segment, ways[sign], mass * share, chainage_m, lon, lat)
+            _new(Candidate, (names[road], segment, ways[sign], mass * share, chainage_m, lon, lat))
             for road, segment, sign, mass, chainage_m, lon, lat in rivals
         ]
     )

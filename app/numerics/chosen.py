@@ -139,12 +139,12 @@ def sum_rest(
         runs: Which position is the first of each sub-segment and direction.
         covered: Positions that do not count.
     """
-    level = (np.minimum(score, scale.highest) - scale.highest) / scale.temperature
-    level[covered] = -np.inf
-    density = np.exp(level)
+    free = score.astype(np.float64)
+    free[covered] = -np.inf
+    density = np.exp((np.minimum(free, scale.highest) - scale.highest) / scale.temperature)
     mass_m = scale.step_m * np.add.reduceat(density, runs)
-    top = np.repeat(np.maximum.reduceat(density, runs), np.diff(runs, append=len(score)))
-    first = (density == top).nonzero()[0]
+    top = np.repeat(np.maximum.reduceat(free, runs), np.diff(runs, append=len(score)))
+    first = (free == top).nonzero()[0]
     best = first[first.searchsorted(runs)]
     least_m = LEFT_OUT / len(runs) * (float(mass_m.sum()) + scale.aligned_m)
     kept = mass_m > least_m

@@ -1,6 +1,4 @@
-"""
-The coarse scale of matching: all places of the map at coarse steps, and the likely ones among them.
-"""
+"""The coarse scale: all places of the map at coarse steps, and the likely ones among them."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 Two-scale matching: which road, which sub-segment, where on it.
 
 Coarse to fine, nothing lost: all cells, averaged over coarse steps, score every sub-segment of the
-roads that have any of the window's cells among their salient ones; the stretches where that is
-highest are then aligned reading by reading with the fitted curves. Where the posterior is spread
-over more than these, the rest of it stays as the coarse scale has it: no probability is lost.
+roads that know some of the window's cells; the stretches where that is highest are then aligned
+reading by reading with the fitted curves. Where the posterior is spread over more than these, the
+rest of it stays as the coarse scale has it, summed by sub-segment and direction.
 `app.numerics.exhaustive` is the definition of what this must return.
 """
 

@@ -116,7 +116,15 @@ class Query:
     def numbers(self, column: dict[str, int]) -> list[int]:
         """Each cell's column, its carrier's stand-in where it has none; -1 = not even that."""
         found = [column.get(cell, -1) for cell in self.cells]
-        return found if -1 not in found else carriers.numbers_in(column, self.cells)
+        if -1 not in found:
+            return found
+        both = zip(found, self._stand_ins, strict=True)
+        return [column.get(other, -1) if at < 0 else at for at, other in both]
+
+    @cached_property
+    def _stand_ins(self) -> list[str]:
+        """Name of what stands for each cell where a profile lacks it."""
+        return [carriers.stand_in(carriers.carrier_of(cell)) for cell in self.cells]
 
     def aim_at(self, index: MapIndex, road: int) -> Aim:
         """The window aimed at one road's fine profile; worked out once a road."""

@@ -259,7 +259,7 @@ def _lay_level(
     outside[positions] = False
     positions = positions.astype(np.intp)
     blocks, at = _in_blocks(profile(cells, mean, spread, heard, outside, others))
-    chainages_m = [np.arange(n) * step_m for n in sizes]
+    chainages_m: list[Floats] = [step_m * np.arange(n, dtype=np.float64) for n in sizes]
     first = _first_of_runs(models, chainages_m)
     return CoarseProfile(
         step_m=step_m,

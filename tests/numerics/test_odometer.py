@@ -11,8 +11,8 @@ from app.domain import Window
 from app.evaluation.scenario import windows
 from app.numerics import native, odometer
 from app.numerics.answer import answer, fit_of_place
-from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.chosen import choose
+from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.matching import finest_places, locate, place
 from app.numerics.odometer import (
     FINE,
