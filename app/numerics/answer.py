@@ -51,9 +51,7 @@ def answer(
         road_posterior=told.road_mass * (1.0 - off_map),
         segment_index=segment,
         segment_posterior=sum(
-            one.posterior
-            for one in candidates
-            if one.segment_index == segment and one.road_id == road.road_id
+            [one[3] for one in candidates if one[1] == segment and one[0] == road.road_id]
         ),
         segment_start_m=float(road.edges_m[segment]),
         segment_end_m=float(road.edges_m[segment + 1]),

@@ -39,6 +39,8 @@ from app.numerics.index import MapIndex
 from app.numerics.posterior import Heaviest, Places, heaviest
 from app.numerics.query import Query
 
+UNNAMED = 5e-4  # share of the posterior that the lightest sub-segments may hold together
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chosen:
@@ -133,7 +135,7 @@ def sum_rest(
     scale: Scale,
 ) -> Rest:
     """
-    One place for each sub-segment and direction, but for the lightest, `LEFT_OUT` together.
+    One place for each sub-segment and direction, but for the lightest, `UNNAMED` together.
 
     Args:
         runs: Which position is the first of each sub-segment and direction.
@@ -146,7 +148,7 @@ def sum_rest(
     top = np.repeat(np.maximum.reduceat(free, runs), np.diff(runs, append=len(score)))
     first = (free == top).nonzero()[0]
     best = first[first.searchsorted(runs)]
-    least_m = LEFT_OUT / len(runs) * (float(mass_m.sum()) + scale.aligned_m)
+    least_m = UNNAMED / len(runs) * (float(mass_m.sum()) + scale.aligned_m)
     kept = mass_m > least_m
     return Rest(best[kept], mass_m[kept] / density[best[kept]])
 
@@ -163,5 +165,5 @@ def rest_of(
         rest = sum_rest(every.score, every.runs, chosen.covered, scale)
     else:
         against = (temperature, every.step_m, highest, aligned_m)
-        rest = Rest(*native.rest(every.score, every.runs, chosen.covered, against, LEFT_OUT))
+        rest = Rest(*native.rest(every.score, every.runs, chosen.covered, against, UNNAMED))
     return every.take(rest.best), rest.width_m

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, RadioMap, RoadModel
 from app.numerics import native
+from app.numerics.acquaintance import Acquaintance
 from app.numerics.carriers import carrier_of, carriers_of, columns_of
 from app.numerics.geodesy import Floats, LonLat
 from app.numerics.graph import RoadGraph
@@ -23,7 +24,7 @@ from app.numerics.lines import headings_deg, point_at
 from app.numerics.neighbourhoods import planes
 from app.numerics.observation import OffsetPrior, Profile, profile
 from app.numerics.salient import Salient
-from app.numerics.tapes import Acquaintance, lay_tapes, places_of, runs_of
+from app.numerics.tapes import lay_tapes, places_of, runs_of
 from app.numerics.turns import Grounds, find_turns
 
 

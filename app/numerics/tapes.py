@@ -2,13 +2,13 @@
 Tapes: the coarse scale of a map.
 
 Neighbouring roads share a *tape*: their cells' profiles at coarse steps, laid end to end with gaps,
-so that one pass over it scores every sub-segment of all of them. The salient cells say which tapes
+so that one pass over it scores every sub-segment of all of them. The cells known say which tapes
 a window has any business with; all cells then tell its roads apart.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any
@@ -35,7 +35,6 @@ TAPE_COLUMNS = 1600  # beyond, a tape's matrix product costs more than starting 
 MERGED = 4  # rows of a cell at the coarse scale
 BLOCK = 16  # columns that lie together, the kernels' measure
 NUMBERS = 1 << 32  # more than the columns of any tape
-NO_TAPE = np.zeros(0, dtype=np.intp)
 BOTH = (1, -1)  # directions of travel: towards growing chainage, and against
 
 
@@ -124,45 +123,6 @@ class Tape:
     heard: frozenset[str]
     salient: frozenset[str]
     levels: tuple[CoarseProfile, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Acquaintance:
-    """
-    The tapes that know each cell, and those where it is salient.
-
-    Attributes:
-        tapes: How many there are.
-    """
-
-    tapes: int
-    known: dict[str, Int[np.ndarray, " knowing"]]
-    salient: dict[str, Int[np.ndarray, " salient"]]
-
-    @classmethod
-    def of_all(cls, tapes: Sequence[Tape]) -> Acquaintance:
-        """Of a map's tapes."""
-        known = _listed([tape.heard for tape in tapes])
-        return cls(len(tapes), known, _listed([tape.salient for tape in tapes]))
-
-    def of(
-        self, cells: Sequence[str]
-    ) -> tuple[Int[np.ndarray, " tapes"], Int[np.ndarray, " tapes"]]:
-        """How many of these cells, all on the map, each tape knows, and are salient there."""
-        known = [NO_TAPE, *(self.known[cell] for cell in cells)]
-        salient = [NO_TAPE, *(self.salient.get(cell, NO_TAPE) for cell in cells)]
-        return (
-            np.bincount(np.concatenate(known), minlength=self.tapes),
-            np.bincount(np.concatenate(salient), minlength=self.tapes),
-        )
-
-
-def _listed(every: Sequence[Iterable[str]]) -> dict[str, Int[np.ndarray, " tapes"]]:
-    found: dict[str, list[int]] = {}
-    for number, cells in enumerate(every):
-        for cell in cells:
-            found.setdefault(cell, []).append(number)
-    return {cell: np.array(numbers, dtype=np.intp) for cell, numbers in found.items()}
 
 
 def _groups(models: Sequence[RoadModel]) -> list[tuple[int, ...]]:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from app.evaluation.scenario import windows
 from app.numerics import native
-from app.numerics.chosen import Scale, choose, rest_of, sum_rest
-from app.numerics.coarse import LEFT_OUT, tapes_of
+from app.numerics.chosen import UNNAMED, Scale, choose, rest_of, sum_rest
+from app.numerics.coarse import tapes_of
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.matching import locate
 from app.numerics.posterior import heaviest
@@ -66,7 +66,7 @@ def test_a_place_of_the_rest_weighs_what_it_stands_for(seed):
         assert mass == pytest.approx(mass_m[runs[run] : end].sum(), rel=1e-5)
         assert best not in covered
     left_out = mass_m.sum() - (rest.width_m * density).sum()
-    assert left_out <= 1.01 * LEFT_OUT * (mass_m.sum() + scale.aligned_m) + 1e-9
+    assert left_out <= 1.01 * UNNAMED * (mass_m.sum() + scale.aligned_m) + 1e-9
     assert (rest.width_m >= scale.step_m * (1.0 - 1e-6)).all()
 
 
@@ -78,7 +78,7 @@ def test_the_rest_is_the_same_in_c(seed):
     score, runs, covered, scale = a_rest(seed)
     wanted = sum_rest(score, runs, covered, scale)
     against = (scale.temperature, scale.step_m, scale.highest, scale.aligned_m)
-    best, width_m = native.rest(score, runs, covered, against, LEFT_OUT)
+    best, width_m = native.rest(score, runs, covered, against, UNNAMED)
     ours, known = dict(zip(best, width_m, strict=True)), dict(zip(*_of(wanted), strict=True))
     for one in ours.keys() & known.keys():
         assert ours[one] == pytest.approx(known[one], rel=1e-5)
@@ -96,7 +96,7 @@ def _borderline(score, runs, covered, scale):
     mass_m = scale.step_m * np.exp(level)
     mass_m[covered] = 0.0
     each = np.add.reduceat(mass_m, runs)
-    least_m = LEFT_OUT / len(runs) * (mass_m.sum() + scale.aligned_m)
+    least_m = UNNAMED / len(runs) * (mass_m.sum() + scale.aligned_m)
     return np.flatnonzero(np.abs(each / least_m - 1.0) < 1e-4)
 
 
