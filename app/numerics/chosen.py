@@ -49,11 +49,13 @@ class Chosen:
 
     Attributes:
         closer: Those, along each road in order.
+        whole: Whether the others hold no more than `LEFT_OUT`.
         covered: Which of all they are, and those beside: what aligning them says all of.
     """
 
     every: Scored
     closer: Coarse
+    whole: bool
     covered: Int[np.ndarray, " covered"]
 
 
@@ -95,7 +97,7 @@ def _chosen(every: Scored, rows: np.ndarray, *, whole: bool) -> Chosen:
     """Where more carries the posterior than is aligned, those beside are aligned, too."""
     for _ in range(0 if whole else FLANK):
         rows = every.with_neighbours(rows)
-    return Chosen(every, every.take(rows), every.with_neighbours(rows))
+    return Chosen(every, every.take(rows), whole, every.with_neighbours(rows))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,12 +160,13 @@ def rest_of(
 ) -> tuple[Coarse, Float[np.ndarray, " rest"]]:
     """What is kept of the positions that were not aligned, and length of road it stands for."""
     every, highest = chosen.every, float(aligned.score.max())
+    runs = every.runs()
     temperature = query.temperature(index.calibration)
     aligned_m = float(np.exp((aligned.score - highest) / temperature) @ aligned.width_m)
     scale = Scale(temperature, every.step_m, highest, aligned_m)
     if query.told is None:
-        rest = sum_rest(every.score, every.runs, chosen.covered, scale)
+        rest = sum_rest(every.score, runs, chosen.covered, scale)
     else:
         against = (temperature, every.step_m, highest, aligned_m)
-        rest = Rest(*native.rest(every.score, every.runs, chosen.covered, against, UNNAMED))
+        rest = Rest(*native.rest(every.score, runs, chosen.covered, against, UNNAMED))
     return every.take(rest.best), rest.width_m

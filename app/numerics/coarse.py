@@ -168,7 +168,7 @@ class Scored:
     The scores of some of a map's tapes, one after the other.
 
     Attributes:
-        runs: Which is the first of each sub-segment and direction.
+        levels: The tapes at the window's step.
         starts: Where each tape's scores begin; None = all tapes were scored.
         shift: How much farther on its places begin among those of all tapes.
     """
@@ -176,13 +176,17 @@ class Scored:
     every: CoarsePlaces
     score: Float32[np.ndarray, " positions"]
     step_m: float
-    runs: Int[np.ndarray, " runs"]
+    levels: list[CoarseProfile]
     starts: Int[np.ndarray, " tapes"] | None = None
     shift: Int[np.ndarray, " tapes"] | None = None
 
     def take(self, rows: Int[np.ndarray, " chosen"]) -> Coarse:
         """The positions at these indices, increasing: most are never looked at."""
         return Coarse(self.every.take(self._numbers(rows)), self.score.take(rows), self.step_m)
+
+    def runs(self) -> Int[np.ndarray, " runs"]:
+        """Which position is the first of each sub-segment and direction."""
+        return joined_runs(self.levels)
 
     def with_neighbours(self, rows: Int[np.ndarray, " chosen"]) -> Int[np.ndarray, " more"]:
         """Indices of the positions at these, increasing, and of those beside them on a road."""
@@ -219,10 +223,10 @@ def score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | No
         _score_tape(index, query, index.tapes[number].column, level, arms, own)
     every, step_m = index.coarse_places[size], COARSE_STEPS_M[size]
     if len(tapes) == len(index.tapes):
-        return Scored(every, score, step_m, index.coarse_runs[size])
+        return Scored(every, score, step_m, levels)
     first = np.array(starts)
     shift = every.number.searchsorted(np.array(tapes) * NUMBERS) - first
-    return Scored(every, score, step_m, joined_runs(levels), first, shift)
+    return Scored(every, score, step_m, levels, first, shift)
 
 
 def merged(

@@ -24,7 +24,7 @@ from app.numerics.lines import headings_deg, point_at
 from app.numerics.neighbourhoods import planes
 from app.numerics.observation import OffsetPrior, Profile, profile
 from app.numerics.salient import Salient
-from app.numerics.tapes import lay_tapes, places_of, runs_of
+from app.numerics.tapes import lay_tapes, places_of
 from app.numerics.turns import Grounds, find_turns
 
 
@@ -115,7 +115,6 @@ class MapIndex:
         self.tapes = lay_tapes(radio_map.models, carriers)
         self.acquaintance = Acquaintance.of_all(self.tapes)
         self.coarse_places = places_of(self.tapes)
-        self.coarse_runs = runs_of(self.tapes)
         self.turns = find_turns(self.graph, _grounds(self), self.tapes)
 
     def recalibrated(self, calibration: Calibration) -> MapIndex:

@@ -122,8 +122,10 @@ def finest_places(index: MapIndex, query: Query, chosen: Chosen) -> Places:
     sub-segment and direction elsewhere.
     """
     aligned = lay(index, query, _stretches(index, chosen.closer))
-    rest, width_m = rest_of(index, query, chosen, aligned)
-    return joined(index, aligned, rest, width_m, refine(index, query, aligned))
+    drawn = refine(index, query, aligned)
+    if chosen.whole:
+        return drawn
+    return joined(index, aligned, *rest_of(index, query, chosen, aligned), drawn)
 
 
 def joined(

@@ -170,14 +170,6 @@ def places_of(tapes: Sequence[Tape]) -> tuple[CoarsePlaces, ...]:
     )
 
 
-def runs_of(tapes: Sequence[Tape]) -> tuple[Int[np.ndarray, " runs"], ...]:
-    """Which of these is the first of each sub-segment and direction."""
-    return tuple(
-        joined_runs([tape.levels[size] for tape in tapes])
-        for size in range(len(COARSE_STEPS_M) if tapes else 0)
-    )
-
-
 def joined_runs(levels: Sequence[CoarseProfile]) -> Int[np.ndarray, " runs"]:
     """Where the runs of several tapes begin when their scores lie one after the other."""
     starts = accumulate([len(level.places) for level in levels], initial=0)

@@ -143,9 +143,6 @@ ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, 
 ptrdiff_t keep_heaviest(const float *score, ptrdiff_t count, double temperature, double left_out,
                         double not_looked_at, ptrdiff_t most, int64_t *kept, int *whole,
                         double *total);
-/* e to the power of each score's distance under `top` over the temperature; 1 above it. */
-void weigh_scores(const float *restrict score, ptrdiff_t count, double top, double temperature,
-           float *restrict weight);
 void share_mass(const Places *places, double temperature, double *mass);
 int find_summit(const Places *places, const double *mass, ptrdiff_t roads, double near_m, double foot,
                 ptrdiff_t *road, double *road_mass, ptrdiff_t *peak, double *chainage_m);

@@ -52,37 +52,21 @@ static float highest_of(const float *score, ptrdiff_t count)
     return top[0];
 }
 
-FOR_EACH_MACHINE
-void weigh_scores(const float *restrict score, ptrdiff_t count, double top, double temperature,
-           float *restrict weight)
-{
-    float least = (float)(1.0 / temperature), most = (float)top;
-    for (ptrdiff_t i = 0; i < count; i++) {
-        float under = score[i] < most ? score[i] - most : 0.0f;
-        weight[i] = exponential(under * least);
-    }
-}
-
-static int sort_roughly(Sorted *sorted, const float *score, ptrdiff_t count, double temperature)
+static void sort_roughly(Sorted *sorted, const float *score, ptrdiff_t count, double temperature)
 {
     float top = highest_of(score, count);
-    float *weight = malloc(sizeof *weight * (size_t)(count > 0 ? count : 1));
-    if (weight == NULL)
-        return OUT_OF_MEMORY;
-    weigh_scores(score, count, top, temperature, weight);
-    /* What lies under the cut is a billionth of the total together: of no account. */
+    /* What lies under the cut is a billionth of the total together: not worth its exponentials. */
     double span = -temperature * log(1e-9 / (double)count);
     *sorted = (Sorted){.top = top, .per_bucket = BUCKETS / span, .temperature = temperature,
                        .cut = top - span};
     for (ptrdiff_t i = 0; i < count; i++)
         if (score[i] >= sorted->cut) {
+            double mass = (double)exponential((score[i] - top) * (float)(1.0 / temperature));
             int bucket = bucket_of(sorted, score[i]);
-            sorted->mass[bucket] += (double)weight[i];
+            sorted->mass[bucket] += mass;
             sorted->count[bucket]++;
-            sorted->total += (double)weight[i];
+            sorted->total += mass;
         }
-    free(weight);
-    return 0;
 }
 
 /* The last place to be kept: the one within a bucket that brings the sum to `wanted`. */
@@ -136,8 +120,8 @@ ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, 
                        ptrdiff_t most, int64_t *kept)
 {
     Sorted sorted;
-    int fault = sort_roughly(&sorted, score, count, temperature);
-    return fault < 0 ? fault : keep(&sorted, score, count, left_out, most, kept);
+    sort_roughly(&sorted, score, count, temperature);
+    return keep(&sorted, score, count, left_out, most, kept);
 }
 
 /* `kept` has room for one more than `most`. */
@@ -146,9 +130,7 @@ ptrdiff_t keep_heaviest(const float *score, ptrdiff_t count, double temperature,
                         double *total)
 {
     Sorted sorted;
-    int fault = sort_roughly(&sorted, score, count, temperature);
-    if (fault < 0)
-        return fault;
+    sort_roughly(&sorted, score, count, temperature);
     *total = sorted.total;
     ptrdiff_t found = keep(&sorted, score, count, left_out, most + 1, kept);
     *whole = found <= most;

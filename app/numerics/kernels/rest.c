@@ -1,8 +1,22 @@
 /* Twin of app.numerics.chosen.sum_rest. */
 #include "kernels.h"
 
+#include "approximate.h"
+
 #include <math.h>
 #include <stdlib.h>
+
+/* e to the power of each score's distance under `top` over the temperature; 1 above it. */
+FOR_EACH_MACHINE
+static void weigh_scores(const float *restrict score, ptrdiff_t count, double top, double temperature,
+                         float *restrict weight)
+{
+    float least = (float)(1.0 / temperature), most = (float)top;
+    for (ptrdiff_t i = 0; i < count; i++) {
+        float under = score[i] < most ? score[i] - most : 0.0f;
+        weight[i] = exponential(under * least);
+    }
+}
 
 /* Of one run its weight and the first of its best places; -1 where all are covered. */
 typedef struct {
