@@ -50,6 +50,28 @@ def turns(
     score: Singles,
     /,
 ) -> None: ...
+def heaviest(
+    score: Singles,
+    temperature: float,
+    left_out: float,
+    not_looked_at: float,
+    most: int,
+    kept: Wholes,
+    /,
+) -> tuple[int, bool, float]: ...
+def rest(
+    score: Singles,
+    runs: Wholes,
+    covered: Wholes,
+    temperature: float,
+    step_m: float,
+    highest: float,
+    aligned_m: float,
+    left_out: float,
+    best: Wholes,
+    width_m: Floats,
+    /,
+) -> int: ...
 def kept_by_mass(
     score: Singles, temperature: float, left_out: float, most: int, kept: Wholes, /
 ) -> int: ...

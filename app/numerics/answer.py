@@ -14,6 +14,8 @@ from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
 from app.numerics.tapes import BOTH
 
+_new = tuple.__new__  # a window that fits everywhere names a thousand: a third of the time
+
 
 def answer(
     index: MapIndex,
@@ -49,9 +51,7 @@ def answer(
         road_posterior=told.road_mass * (1.0 - off_map),
         segment_index=segment,
         segment_posterior=sum(
-            one.posterior
-            for one in candidates
-            if one.segment_index == segment and one.road_id == road.road_id
+            [one[3] for one in candidates if one[1] == segment and one[0] == road.road_id]
         ),
         segment_start_m=float(road.edges_m[segment]),
         segment_end_m=float(road.edges_m[segment + 1]),
@@ -92,7 +92,7 @@ def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Ca
     names, ways = index.road_ids, {sign: _direction(sign) for sign in BOTH}
     return tuple(
         [
-            Candidate(names[road], segment, ways[sign], mass * share, chainage_m, lon, lat)
+            _new(Candidate, (names[road], segment, ways[sign], mass * share, chainage_m, lon, lat))
             for road, segment, sign, mass, chainage_m, lon, lat in rivals
         ]
     )

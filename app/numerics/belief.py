@@ -62,6 +62,7 @@ def condense(places: Places, mass: Float[np.ndarray, " places"], off_map: float)
     """
     matter = (mass > LIGHTEST * 1e-2).nonzero()[0]
     road, sign, chainage_m = places.road[matter], places.sign[matter], places.chainage_m[matter]
+    own_m2 = places.width_m[matter] ** 2 / 12.0  # a place may stand for a whole sub-segment
     key, left = road * 2 + (sign < 0), mass[matter].copy()
     modes: list[Mode] = []
     while len(modes) < MOST_MODES and len(left):
@@ -74,7 +75,7 @@ def condense(places: Places, mass: Float[np.ndarray, " places"], off_map: float)
         if weight < LIGHTEST:
             break
         mean_m = float(share @ chainage_m[near]) / weight
-        spread_m2 = float(share @ (chainage_m[near] - mean_m) ** 2) / weight
+        spread_m2 = float(share @ ((chainage_m[near] - mean_m) ** 2 + own_m2[near])) / weight
         sd_m = max(float(np.sqrt(spread_m2)), LEAST_SD_M)
         on_map = weight * (1.0 - off_map)
         modes.append(Mode(int(road[peak]), int(sign[peak]), mean_m, sd_m, on_map))

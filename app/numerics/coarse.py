@@ -1,9 +1,4 @@
-"""
-The coarse scale of matching: all places of the map at coarse steps, and those worth a closer look.
-
-A window lies along one road, or round one corner (`app.numerics.corners`). All places of both kinds
-are scored, and share one posterior.
-"""
+"""The coarse scale: all places of the map at coarse steps, and the likely ones among them."""
 
 from __future__ import annotations
 
@@ -16,28 +11,27 @@ from jaxtyping import Bool, Float, Float32, Int
 
 from app.numerics import native
 from app.numerics.alignment import score_positions
-from app.numerics.corners import (
-    TURN_SHARE,
-    Corner,
-    Laid,
-    LaidArms,
-    lay,
-    may_turn,
-    score_arms,
-    score_turns,
-    worth_laying,
-)
+from app.numerics.corners import Laid, LaidArms, score_arms
 from app.numerics.index import MapIndex
 from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS
 from app.numerics.offsets import take_offsets
 from app.numerics.posterior import kept_by_mass
 from app.numerics.query import Query
-from app.numerics.tapes import COARSE_STEPS_M, GAP, NUMBERS, CoarsePlaces, CoarseProfile
+from app.numerics.tapes import (
+    COARSE_STEPS_M,
+    GAP,
+    NUMBERS,
+    CoarsePlaces,
+    CoarseProfile,
+    joined_runs,
+)
 
 LEFT_OUT = 1e-4  # share of the coarse posterior that no answer counts
 COARSE_FLATTENING = 2.0  # coarse scores err; flattening them keeps what they would lose
-MOST_KEPT = 4000  # coarse positions that an answer may count
+MOST_KEPT = 4000  # coarse positions of a `shortlist`
+LACKED = 4  # cells that a tape may lack which another knows, and still be where the window was
+KNOWN_SHARE = 0.25  # of the cells that the best tape knows: who knows as many may lack more
 LOOKED_AT = 0.995  # share of the posterior that is aligned; the rest keeps its coarse scores
 MOST_ALIGNED = 96  # coarse positions, not counting neighbours: bounds the time of a query
 FLANK = 1  # neighbours on either side that are aligned with a position
@@ -98,7 +92,7 @@ def shortlist(
         foreseen: Adds to the scores what is known before the window is heard, see
             `app.numerics.tracking`; it chooses positions and stays out of the scores returned.
     """
-    scored = _score_roads(index, query, tapes_of(index, query, without), None)
+    scored = score_roads(index, query, tapes_of(index, query, without), None)
     if without is None and foreseen is None:
         rows, closer = _kept(index, query, scored.score)
         return _flanked(scored.take(rows), closer)
@@ -110,40 +104,21 @@ def shortlist(
     return _flanked(every.take(rows), closer)
 
 
-def shortlists(index: MapIndex, query: Query) -> tuple[Coarse, list[Corner]]:
-    """
-    `shortlist`, and beside it the turns that the window is worth laying round.
-
-    Places along roads and round corners share one posterior. The best place along a road is always
-    among those kept.
-    """
-    if not may_turn(index, query):
-        return shortlist(index, query), []
-    tapes = tapes_of(index, query)
-    laid = lay(index, query, size_of(query), tapes)
-    every = _score_roads(index, query, tapes, laid)
-    straight, flat = len(every.score), _flat(index, query)
-    prior = np.float32(flat * np.log(TURN_SHARE))  # what is known beforehand is not flattened
-    rank = np.concatenate((every.score, score_turns(index, query, laid).ravel() + prior))
-    rows, chosen = _kept(index, query, rank)
-    closer = np.ones(len(rows), dtype=bool) if chosen is None else chosen
-    mass = np.exp((rank[rows] - rank[rows].max()) / flat)
-    mass /= mass.sum()
-    round_ = closer & (rows >= straight)
-    corners = worth_laying(index, query, laid, rows[round_] - straight, mass[round_])
-    rows, closer = rows[rows < straight], closer[rows < straight]
-    best = int(every.score.argmax())
-    at = int(rows.searchsorted(best))
-    if at == len(rows) or rows[at] != best:
-        rows, closer = np.insert(rows, at, best), np.insert(closer, at, False)
-    closer[at] = True
-    return _flanked(every.take(rows), None if closer.all() else closer), corners
-
-
 def tapes_of(index: MapIndex, query: Query, without: int | None = None) -> list[int]:
-    """Numbers of the tapes that have business with a window, or of all when none has."""
-    every = [i for i, tape in enumerate(index.tapes) if tape.roads != (without,)]
-    return [i for i in every if not index.tapes[i].salient.isdisjoint(query.cells)] or every
+    """
+    Numbers of the tapes that have business with a window: those where a cell is heard that is
+    salient there, and those that know not many fewer of its cells than the one that knows most.
+
+    Args:
+        without: Number of a road that the map is to lack.
+    """
+    known, salient = index.acquaintance.of(query.cells)
+    if without is not None:
+        alone = [tape.roads == (without,) for tape in index.tapes]
+        known[alone], salient[alone] = -LACKED - 1, 0
+    most = known.max(initial=0)
+    wanted = (salient > 0) | (known >= min(KNOWN_SHARE * most, most - LACKED))
+    return wanted.nonzero()[0].tolist()
 
 
 def size_of(query: Query) -> int:
@@ -151,7 +126,8 @@ def size_of(query: Query) -> int:
     return next(i for i, step in enumerate(COARSE_STEPS_M) if query.length_m <= step * (GAP - 1))
 
 
-def _flat(index: MapIndex, query: Query) -> float:
+def flattened(index: MapIndex, query: Query) -> float:
+    """What coarse scores are divided by."""
     return query.temperature(index.calibration) * COARSE_FLATTENING
 
 
@@ -159,7 +135,7 @@ def _kept(
     index: MapIndex, query: Query, rank: Float[np.ndarray, " positions"]
 ) -> tuple[Int[np.ndarray, " kept"], Bool[np.ndarray, " kept"] | None]:
     """Positions that hold all but `LEFT_OUT`, and which of them to align; None = all."""
-    flat = _flat(index, query)
+    flat = flattened(index, query)
     keep = kept_by_mass if query.told is None else native.kept_by_mass
     rows = keep(rank, flat, LEFT_OUT, MOST_KEPT)
     if len(rows) <= MOST_ALIGNED:
@@ -194,6 +170,7 @@ class Scored:
     The scores of some of a map's tapes, one after the other.
 
     Attributes:
+        levels: The tapes at the window's step.
         starts: Where each tape's scores begin; None = all tapes were scored.
         shift: How much farther on its places begin among those of all tapes.
     """
@@ -201,15 +178,33 @@ class Scored:
     every: CoarsePlaces
     score: Float32[np.ndarray, " positions"]
     step_m: float
+    levels: list[CoarseProfile]
     starts: Int[np.ndarray, " tapes"] | None = None
     shift: Int[np.ndarray, " tapes"] | None = None
 
     def take(self, rows: Int[np.ndarray, " chosen"]) -> Coarse:
         """The positions at these indices, increasing: most are never looked at."""
-        score = self.score.take(rows)
-        if self.starts is not None and self.shift is not None:
-            rows = rows + self.shift[self.starts.searchsorted(rows, side="right") - 1]
-        return Coarse(self.every.take(rows), score, self.step_m)
+        return Coarse(self.every.take(self._numbers(rows)), self.score.take(rows), self.step_m)
+
+    def runs(self) -> Int[np.ndarray, " runs"]:
+        """Which position is the first of each sub-segment and direction."""
+        return joined_runs(self.levels)
+
+    def with_neighbours(self, rows: Int[np.ndarray, " chosen"]) -> Int[np.ndarray, " more"]:
+        """Indices of the positions at these, increasing, and of those beside them on a road."""
+        number, here = self.every.number, self._numbers(rows)
+        own = number[here]
+        marked = np.zeros(len(self.score), dtype=bool)
+        marked[rows] = True
+        marked[rows[number.take(here + 1, mode="clip") - own == 1] + 1] = True
+        marked[rows[own - number.take(here - 1, mode="clip") == 1] - 1] = True
+        return marked.nonzero()[0]
+
+    def _numbers(self, rows: Int[np.ndarray, " chosen"]) -> Int[np.ndarray, " chosen"]:
+        """Indices among the places of all tapes."""
+        if self.starts is None or self.shift is None:
+            return rows
+        return np.asarray(rows + self.shift[self.starts.searchsorted(rows, side="right") - 1])
 
     def all(self) -> Coarse:
         """All positions."""
@@ -218,7 +213,7 @@ class Scored:
         return self.take(np.arange(len(self.score)))
 
 
-def _score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | None) -> Scored:
+def score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | None) -> Scored:
     """All places along the tapes' roads; what the window says on their arms is filled in."""
     size = size_of(query)
     levels = [index.tapes[number].levels[size] for number in tapes]
@@ -230,10 +225,10 @@ def _score_roads(index: MapIndex, query: Query, tapes: list[int], laid: Laid | N
         _score_tape(index, query, index.tapes[number].column, level, arms, own)
     every, step_m = index.coarse_places[size], COARSE_STEPS_M[size]
     if len(tapes) == len(index.tapes):
-        return Scored(every, score, step_m)
+        return Scored(every, score, step_m, levels)
     first = np.array(starts)
     shift = every.number.searchsorted(np.array(tapes) * NUMBERS) - first
-    return Scored(every, score, step_m, first, shift)
+    return Scored(every, score, step_m, levels, first, shift)
 
 
 def merged(

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from app.domain import Calibration, RadioMap, RoadModel
+from app.numerics.acquaintance import Acquaintance
 from app.numerics.carriers import carrier_of, carriers_of
 from app.numerics.days import Days
 from app.numerics.geodesy import Floats, LonLat
@@ -127,6 +128,7 @@ class MapIndex:
         self.lines = tuple(model.line for model in radio_map.models)
         self.graph = RoadGraph.of(self.lines)
         self.tapes = lay_tapes(radio_map.models, carriers, newcomers)
+        self.acquaintance = Acquaintance.of_all(self.tapes)
         self.coarse_places = places_of(self.tapes)
         self.turns = find_turns(self.graph, _grounds(self), self.tapes)
 

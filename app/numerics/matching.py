@@ -2,15 +2,16 @@
 Two-scale matching: which road, which sub-segment, where on it.
 
 Coarse to fine, nothing lost: all cells, averaged over coarse steps, score every sub-segment of the
-roads that have any of the window's cells among their salient ones; the stretches where that is
-highest are then aligned reading by reading with the fitted curves. Where the posterior is spread
-over more than these, the rest of it stays as the coarse scale has it: no probability is lost.
+roads that know some of the window's cells; the stretches where that is highest are then aligned
+reading by reading with the fitted curves. Where the posterior is spread over more than these, the
+rest of it stays as the coarse scale has it, summed by sub-segment and direction.
 `app.numerics.exhaustive` is the definition of what this must return.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -18,7 +19,8 @@ from jaxtyping import Float
 from app.domain import Fix, Window
 from app.numerics import native
 from app.numerics.answer import answer
-from app.numerics.coarse import COARSE_FLATTENING, Coarse, neighbours, shortlist, shortlists
+from app.numerics.chosen import Chosen, choose, rest_of
+from app.numerics.coarse import COARSE_FLATTENING, Coarse, neighbours, shortlist
 from app.numerics.corners import TURN_SHARE, Corner, places_round_corners
 from app.numerics.index import MapIndex
 from app.numerics.odometer import under_other_factors
@@ -75,8 +77,8 @@ class Placed:
 
 def place(index: MapIndex, query: Query) -> Placed:
     """Both scales, along roads and round corners."""
-    kept, corners = shortlists(index, query)
-    return with_hypotheses(index, query, finest_places(index, query, kept), corners)
+    chosen, corners = choose(index, query)
+    return with_hypotheses(index, query, finest_places(index, query, chosen), corners)
 
 
 def with_hypotheses(
@@ -102,63 +104,64 @@ def with_hypotheses(
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
     """
     Where the window may end: metre by metre along the stretches that are worth it, each stretch
-    with its neighbours, and by coarse steps elsewhere.
-    """
-    aligned = _aligned(index, query, kept)
-    return _with_others(index, kept, aligned, aligned)
-
-
-def finest_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
-    """`fine_places` with the neighbourhoods of peaks drawn anew (`app.numerics.refinement`)."""
-    aligned = _aligned(index, query, kept)
-    return _with_others(index, kept, aligned, refine(index, query, aligned))
-
-
-def _aligned(index: MapIndex, query: Query, kept: Coarse) -> Places:
-    closer = kept.closer
-    stretches = _stretches(index, kept if closer is None else kept.take(closer.nonzero()[0]))
-    return lay(index, query, stretches)
-
-
-def _with_others(index: MapIndex, kept: Coarse, aligned: Places, drawn: Places) -> Places:
-    """
-    The places aligned, as they were drawn, and beside them the coarse positions that are not looked
-    at closer, nor lie beside one that is. A coarse score is no reason to look elsewhere: none is
-    higher than the best place aligned.
+    with its neighbours, and by coarse steps elsewhere. Scores alone, good at any temperature: of
+    the posterior under a known one `finest_places` loses less.
     """
     closer = kept.closer
     if closer is None or closer.all():
+        return lay(index, query, _stretches(index, kept))
+    aligned = lay(index, query, _stretches(index, kept.take(closer.nonzero()[0])))
+    rest = kept.take((~(closer | neighbours(closer, kept.beside))).nonzero()[0])
+    return joined(index, aligned, rest, np.full(len(rest.score), kept.step_m), aligned)
+
+
+def finest_places(index: MapIndex, query: Query, chosen: Chosen) -> Places:
+    """
+    Where the window may end: metre by metre along the stretches that are worth it, the
+    neighbourhoods of peaks drawn anew (`app.numerics.refinement`), and one place for each
+    sub-segment and direction elsewhere.
+    """
+    aligned = lay(index, query, _stretches(index, chosen.closer))
+    drawn = refine(index, query, aligned)
+    if chosen.whole:
         return drawn
-    rows = (~(closer | neighbours(closer, kept.beside))).nonzero()[0]
-    rest, count = kept.places.take(rows), len(drawn)
-    places = native.no_places(count + len(rows))
+    return joined(index, aligned, *rest_of(index, query, chosen, aligned), drawn)
+
+
+def joined(
+    index: MapIndex,
+    aligned: Places,
+    rest: Coarse,
+    width_m: Float[np.ndarray, " rest"],
+    drawn: Places,
+) -> Places:
+    """
+    The places aligned, as they were drawn, and beside them the rest. A coarse score is no reason to
+    look elsewhere: none is higher than the best place aligned.
+    """
+    count = len(drawn)
+    places = native.no_places(count + len(width_m))
     where, values = places.where, places.values
     where[:, :count], values[:, :count] = drawn.where, drawn.values
     where[0, count:], where[1, count:] = rest.road, rest.sign
     np.minimum(rest.chainage_m, index.lengths_m.take(rest.road), out=values[CHAINAGE, count:])
-    values[WIDTH, count:] = kept.step_m
-    np.minimum(kept.score.take(rows), aligned.score.max(), out=values[SCORE, count:])
+    values[WIDTH, count:] = width_m
+    np.minimum(rest.score, aligned.score.max(), out=values[SCORE, count:])
     values[RESIDUAL:, count:] = 0.0
     return places
 
 
 def _stretches(index: MapIndex, kept: Coarse) -> list[Stretch]:
     """Road, direction, first and last grid position of every unbroken row of coarse positions."""
-    road, sign, chainage_m = kept.road.tolist(), kept.sign.tolist(), kept.chainage_m.tolist()
-    reach_m, apart_m = kept.step_m, JOINED_STEPS * kept.step_m
-    stretches, start = [], 0
-    for end in range(1, len(road) + 1):
-        if (
-            end < len(road)
-            and road[end] == road[start]
-            and sign[end] == sign[start]
-            and chainage_m[end] - chainage_m[end - 1] <= apart_m
-        ):
-            continue
-        target = index.roads[road[start]]
-        first = max(int((chainage_m[start] - reach_m) / target.step_m), 0)
-        last = int((chainage_m[end - 1] + reach_m) / target.step_m) + 1
+    road, sign, chainage_m = kept.road, kept.sign, kept.chainage_m
+    parted = np.diff(chainage_m) > JOINED_STEPS * kept.step_m
+    parted |= (np.diff(road) != 0) | (np.diff(sign) != 0)
+    ends = (parted.nonzero()[0] + 1).tolist()
+    stretches = []
+    for start, end in pairwise([0, *ends, len(road)]):
+        target = index.roads[int(road[start])]
+        first = max(int((float(chainage_m[start]) - kept.step_m) / target.step_m), 0)
+        last = int((float(chainage_m[end - 1]) + kept.step_m) / target.step_m) + 1
         last = min(last, target.grid_size - 1)
-        stretches.append((road[start], sign[start], first, last))
-        start = end
+        stretches.append((target.number, int(sign[start]), first, last))
     return stretches

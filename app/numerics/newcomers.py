@@ -51,14 +51,25 @@ class Columns:
         found = [self.cell.get(cell, -1) for cell in cells]
         if -1 not in found:
             return found
-        pairs = zip(found, cells, strict=True)
-        return [at if at >= 0 else self._elsewhere(cell) for at, cell in pairs]
+        return self.filled(found, cells, [stand_in(carrier_of(cell)) for cell in cells])
 
-    def _elsewhere(self, cell: str) -> int:
+    def filled(
+        self, found: Sequence[int], cells: Sequence[str], stand_ins: Sequence[str]
+    ) -> list[int]:
+        """
+        Columns of cells with those that are -1 filled in.
+
+        Args:
+            stand_ins: Name of what stands for each cell where a profile lacks it.
+        """
+        every = zip(found, cells, stand_ins, strict=True)
+        return [at if at >= 0 else self._elsewhere(cell, other) for at, cell, other in every]
+
+    def _elsewhere(self, cell: str, other: str) -> int:
         number = self.number.get(cell, -1)
         if number >= 0 and (at := int(self.newcomer[number])) >= 0:
             return at
-        return self.cell.get(stand_in(carrier_of(cell)), -1)
+        return self.cell.get(other, -1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -150,7 +150,7 @@ def _in_c(
     stretches = []
     for one in found:
         road = index.roads[one[0]]
-        along, cells = road.along, road.column.numbers(query.cells)
+        along, cells = road.along, query.numbers(road.column)
         stretches.append((along.rows, along.bend, cells, *one, road.step_m, road.length_m))
     priors = (factors.value, factors.log_prior, temperature)
     drawn = (atlas.step_m, DRAWN_FROM * temperature, AROUND, MIN_ROW, MOST_ROWS, PARTS)

@@ -121,6 +121,39 @@ def kept_by_mass(
     return np.asarray(kept)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Heaviest:
+    """
+    The places that carry the posterior.
+
+    Attributes:
+        rows: Indices, increasing.
+        whole: Whether they leave out no more than may be left out of any answer.
+        total: Weight of all places, where the best one's is 1.
+    """
+
+    rows: Int[np.ndarray, " rows"]
+    whole: bool
+    total: float
+
+
+def heaviest(
+    score: Float[np.ndarray, " places"],
+    temperature: float,
+    left_out: tuple[float, float],
+    most: int,
+) -> Heaviest:
+    """
+    The fewest places that leave out at most a share ``left_out[0]`` of the posterior, if these are
+    no more than ``most``; else those that leave out ``left_out[1]``, ``most`` at most.
+    """
+    total = float(np.exp((score - score.max()) * (1.0 / temperature)).sum())
+    rows = kept_by_mass(score, temperature, left_out[0], most + 1)
+    if len(rows) <= most:
+        return Heaviest(rows, True, total)
+    return Heaviest(kept_by_mass(score, temperature, left_out[1], most), False, total)
+
+
 def radius_m(
     away_m: Float[np.ndarray, " places"],
     mass: Float[np.ndarray, " places"],

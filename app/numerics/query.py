@@ -114,7 +114,7 @@ class Query:
                 fewer products where a column is longer than a sample.
         """
         factors, rows, here = self.factors, None, None
-        numbers = column.numbers(self.cells)
+        numbers = self.numbers(column)
         if numbers != list(range(len(column))):
             there = np.array(numbers, dtype=np.intp)
             here = np.flatnonzero(there >= 0)
@@ -129,7 +129,19 @@ class Query:
 
     def aimed(self, told: native.Told, column: Columns) -> native.Aimed:
         """Twin of `aim` for the kernels in C, which do the rest of it themselves."""
-        return native.Aimed(told.block, told.samples, column.numbers(self.cells), told.carrier)
+        return native.Aimed(told.block, told.samples, self.numbers(column), told.carrier)
+
+    def numbers(self, column: Columns) -> list[int]:
+        """Each cell's column, or that of what stands in for it; -1 = not even that."""
+        found = [column.cell.get(cell, -1) for cell in self.cells]
+        if -1 not in found:
+            return found
+        return column.filled(found, self.cells, self._stand_ins)
+
+    @cached_property
+    def _stand_ins(self) -> list[str]:
+        """Name of what stands for each cell where a profile lacks it."""
+        return [carriers.stand_in(carriers.carrier_of(cell)) for cell in self.cells]
 
     def aim_at(self, index: MapIndex, road: int) -> Aim:
         """The window aimed at one road's fine profile; worked out once a road."""

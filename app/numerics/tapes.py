@@ -2,7 +2,7 @@
 Tapes: the coarse scale of a map.
 
 Neighbouring roads share a *tape*: their cells' profiles at coarse steps, laid end to end with gaps,
-so that one pass over it scores every sub-segment of all of them. The salient cells say which tapes
+so that one pass over it scores every sub-segment of all of them. The cells known say which tapes
 a window has any business with; all cells then tell its roads apart.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,7 @@ class CoarseProfile:
         outside: 1 where there is no road. Shape ``(columns,)``.
         positions: The columns that are road. Shape ``(positions,)``.
         places: What each score is of: all positions both ways. Shape ``(2 positions,)``.
+        runs: Which of these is the first of each sub-segment and direction. Shape ``(runs,)``.
     """
 
     step_m: float
@@ -90,6 +92,7 @@ class CoarseProfile:
     outside: Float32[np.ndarray, " columns"]
     positions: Int[np.ndarray, " positions"]
     places: CoarsePlaces
+    runs: Int[np.ndarray, " runs"]
 
     @property
     def columns(self) -> int:
@@ -110,12 +113,14 @@ class Tape:
     Attributes:
         roads: Numbers of the roads, in the order of their columns.
         column: Rows of cells that any of the roads has heard, and of what stands in for others.
-        salient: The cells that tell any of the roads, or of their sub-segments, from the others.
+        heard: These cells.
+        salient: Those that tell any of the roads, or of their sub-segments, from the others.
         levels: The same stretch at each of `COARSE_STEPS_M`.
     """
 
     roads: tuple[int, ...]
     column: Columns
+    heard: frozenset[str]
     salient: frozenset[str]
     levels: tuple[CoarseProfile, ...]
 
@@ -167,6 +172,12 @@ def places_of(tapes: Sequence[Tape]) -> tuple[CoarsePlaces, ...]:
     )
 
 
+def joined_runs(levels: Sequence[CoarseProfile]) -> Int[np.ndarray, " runs"]:
+    """Where the runs of several tapes begin when their scores lie one after the other."""
+    starts = accumulate([len(level.places) for level in levels], initial=0)
+    return np.concatenate([one.runs + start for one, start in zip(levels, starts, strict=False)])
+
+
 def _lay_tape(
     models: Sequence[RoadModel],
     group: tuple[int, ...],
@@ -180,7 +191,7 @@ def _lay_tape(
         _lay_level(models, group, (cells, others), laid, step, first) for step in COARSE_STEPS_M
     )
     salient = frozenset(cell for model in models for cell in salient_cells(model))
-    return Tape(group, laid.columns, salient, levels)
+    return Tape(group, laid.columns, frozenset(cells), salient, levels)
 
 
 def _lay_level(
@@ -189,7 +200,7 @@ def _lay_level(
     names: tuple[Sequence[str], Sequence[str]],
     laid: Laid,
     step_m: float,
-    first: int,
+    number: int,
 ) -> CoarseProfile:
     cells, others = names
     parts = [_coarse_road(model, cells, step_m) for model in models]
@@ -209,6 +220,8 @@ def _lay_level(
     positions = positions.astype(np.intp)
     along = laid.muted(profile(cells, mean, spread, heard, road < 0, others), road)
     blocks, at = _in_blocks(along)
+    chainages_m: list[Floats] = [step_m * np.arange(n, dtype=np.float64) for n in sizes]
+    first = _first_of_runs(models, chainages_m)
     return CoarseProfile(
         step_m=step_m,
         blocks=blocks,
@@ -217,10 +230,22 @@ def _lay_level(
         places=CoarsePlaces(
             road=np.tile(np.repeat(np.array(group), sizes), 2),
             sign=np.repeat(np.array(BOTH), len(positions)),
-            chainage_m=np.tile(np.concatenate([np.arange(n) * step_m for n in sizes]), 2),
-            number=np.concatenate((positions, positions + len(mean))) + first,
+            chainage_m=np.tile(np.concatenate(chainages_m), 2),
+            number=np.concatenate((positions, positions + len(mean))) + number,
         ),
+        runs=np.concatenate((first, first + len(positions))),
     )
+
+
+def _first_of_runs(models: Sequence[RoadModel], chainages_m: Sequence[Floats]) -> np.ndarray:
+    """Which positions of the roads, one after the other, are the first of their sub-segment."""
+    firsts, before = [], 0
+    for model, chainage_m in zip(models, chainages_m, strict=True):
+        starts_m = np.array([segment.start_m for segment in model.segments[1:]])
+        segment = starts_m.searchsorted(chainage_m, side="right")
+        firsts.append(before + np.concatenate(([0], np.flatnonzero(np.diff(segment)) + 1)))
+        before += len(chainage_m)
+    return np.concatenate(firsts)
 
 
 def _in_blocks(

@@ -163,7 +163,7 @@ def test_carriers_round_corners_are_taken_alike_in_c(seed):
         query = ask(index, asked, in_c=in_c)
         tapes = coarse.tapes_of(index, query)
         laid = lay(index, query, coarse.size_of(query), tapes)
-        coarse._score_roads(index, query, tapes, laid)
+        coarse.score_roads(index, query, tapes, laid)
         scores.append(score_turns(index, query, laid))
     assert np.isfinite(scores[0]).any()
     np.testing.assert_allclose(*scores, rtol=1e-5, atol=0.05)

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from app.domain import Direction, Window
 from app.evaluation.scenario import windows
 from app.numerics import motion, native, tracking
-from app.numerics.coarse import _score_roads, shortlists, size_of, tapes_of
+from app.numerics.chosen import choose
+from app.numerics.coarse import score_roads, size_of, tapes_of
 from app.numerics.contributions import contributions
 from app.numerics.corners import LEAST_M, every_corner, lay, score_turns, way_of
 from app.numerics.exhaustive import locate_exhaustively
@@ -108,7 +109,7 @@ def test_short_windows_are_not_laid_round_corners():
     index = index_of(cells=2)
     for window, *_ in corners_of(2, 6, LEAST_M - 2.0):
         query = ask(index, window, in_c=native.BUILT)
-        assert shortlists(index, query)[1] == every_corner(index, query) == []
+        assert choose(index, query)[1] == every_corner(index, query) == []
 
 
 @pytest.mark.skipif(not native.BUILT, reason="installed without a C compiler")
@@ -134,7 +135,7 @@ def test_corners_are_scored_the_same_in_c(number, cells, length_m, strangers):
         query = ask(index, window, in_c=in_c)
         tapes = tapes_of(index, query)
         laid = lay(index, query, size_of(query), tapes)
-        _score_roads(index, query, tapes, laid)
+        score_roads(index, query, tapes, laid)
         scores.append(score_turns(index, query, laid))
     ours, wanted = scores
     assert (np.isfinite(ours) == np.isfinite(wanted)).all()
@@ -150,7 +151,7 @@ def test_coarse_scores_are_near_the_fine_ones():
         query = ask(index, window)
         tapes = tapes_of(index, query)
         laid = lay(index, query, size_of(query), tapes)
-        _score_roads(index, query, tapes, laid)
+        score_roads(index, query, tapes, laid)
         coarse = score_turns(index, query, laid).max(axis=1)
         fine = np.array(
             [

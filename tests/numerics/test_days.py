@@ -133,7 +133,7 @@ def test_tapes_hold_what_the_roads_hold():
     index = map_of(models)
     window = Window(("b", "e", "d"), np.zeros(1), np.array([[-90.0, -91.0, -92.0]]))
     query = ask(index, window)
-    near = coarse._score_roads(index, query, list(range(len(index.tapes))), None)
+    near = coarse.score_roads(index, query, list(range(len(index.tapes))), None)
     fine = whole_roads(index, query)
     for road in range(3):
         places = near.every.road == road

@@ -53,6 +53,11 @@ def arguments(seed: int) -> dict[str, list[object]]:
             *(1, 4, terms, np.empty((2, 5), dtype=np.float32)),
         ],
         "kept_by_mass": [score, 1.0, 1e-4, 50, np.empty(50, dtype=np.int64)],
+        "heaviest": [score, 1.0, 1e-4, 5e-3, 50, np.empty(51, dtype=np.int64)],
+        "rest": [
+            *(score, np.array([0, 3, 9]), np.array([2, 4]), 1.0, 4.0, 0.0, 30.0, 1e-4),
+            *(np.empty(3, dtype=np.int64), np.empty(3)),
+        ],
         "stretch": [
             *(*over_road, road.along.rows, 1, -1, 3, 7, 1.0, 60.0, terms),
             *(room.where, room.values, 2),

@@ -11,8 +11,9 @@ from app.domain import Window
 from app.evaluation.scenario import windows
 from app.numerics import native, odometer
 from app.numerics.answer import answer, fit_of_place
+from app.numerics.chosen import choose
 from app.numerics.exhaustive import locate_exhaustively
-from app.numerics.matching import finest_places, locate, place, shortlist
+from app.numerics.matching import finest_places, locate, place
 from app.numerics.odometer import (
     FINE,
     ROUGH,
@@ -36,7 +37,7 @@ def off_by(window: Window, factor: float) -> Window:
 
 def straight_of(index, query):
     """Places along roads with the window taken at its word."""
-    return finest_places(index, query, shortlist(index, query))
+    return finest_places(index, query, choose(index, query)[0])
 
 
 def errors_m(factor: float) -> np.ndarray:

@@ -130,6 +130,11 @@ typedef struct {
     ptrdiff_t around, least, most, parts;
 } Drawing;
 
+/* What scores are held against: app.numerics.chosen.Scale. */
+typedef struct {
+    double temperature, step_m, highest, aligned_m;
+} Scale;
+
 /* evidence.c */
 ptrdiff_t count_stretches(const double *distance_m, ptrdiff_t samples, double step_m);
 void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
@@ -152,9 +157,17 @@ int lay_stretch(const Laid *laid, const Likelihood *likelihood, const Room *room
 /* posterior.c */
 ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, double left_out,
                        ptrdiff_t most, int64_t *kept);
+ptrdiff_t keep_heaviest(const float *score, ptrdiff_t count, double temperature, double left_out,
+                        double not_looked_at, ptrdiff_t most, int64_t *kept, int *whole,
+                        double *total);
 void share_mass(const Places *places, double temperature, double *mass);
 int find_summit(const Places *places, const double *mass, ptrdiff_t roads, double near_m, double foot,
                 ptrdiff_t *road, double *road_mass, ptrdiff_t *peak, double *chainage_m);
+
+/* rest.c */
+ptrdiff_t sum_rest(const float *score, ptrdiff_t count, const int64_t *starts, ptrdiff_t runs,
+                   const int64_t *covered, ptrdiff_t many, const Scale *scale, double left_out,
+                   int64_t *best, double *width_m);
 
 /* refinement.c */
 ptrdiff_t find_rows(const Places *places, const double *step_m, ptrdiff_t roads, double lowest,

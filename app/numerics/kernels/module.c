@@ -124,6 +124,49 @@ static PyObject *kept_by_mass(PyObject *self, PyObject *const *arguments, Py_ssi
     return release(&call, call.failed ? NULL : PyLong_FromSsize_t(found));
 }
 
+static PyObject *heaviest(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 6))
+        return NULL;
+    Py_ssize_t count[1] = {-1}, room[1] = {-1};
+    const float *score = array(&call, 'f', READ, 1, count);
+    double temperature = number(&call), left_out = number(&call), not_looked_at = number(&call);
+    ptrdiff_t most = whole(&call), found = 0;
+    int64_t *kept = array(&call, 'l', WRITE, 1, room);
+    demand(&call, most >= 0 && room[0] > most, "too little room");
+    int all = 0;
+    double total = 0.0;
+    if (!call.failed)
+        check(&call, found = keep_heaviest(score, count[0], temperature, left_out, not_looked_at,
+                                           most, kept, &all, &total));
+    return release(&call, call.failed ? NULL : Py_BuildValue("nNd", found, PyBool_FromLong(all),
+                                                             total));
+}
+
+static PyObject *rest(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 10))
+        return NULL;
+    Py_ssize_t count[1] = {-1}, runs[1] = {-1}, many[1] = {-1};
+    const float *score = array(&call, 'f', READ, 1, count);
+    const int64_t *starts = array(&call, 'l', READ, 1, runs);
+    const int64_t *covered = array(&call, 'l', READ, 1, many);
+    double temperature = number(&call), step_m = number(&call), highest = number(&call);
+    double aligned_m = number(&call), left_out = number(&call);
+    int64_t *best = array(&call, 'l', WRITE, 1, runs);
+    double *width_m = array(&call, 'd', WRITE, 1, runs);
+    Scale scale = {temperature, step_m, highest, aligned_m};
+    ptrdiff_t kept = 0;
+    if (!call.failed)
+        check(&call, kept = sum_rest(score, count[0], starts, runs[0], covered, many[0], &scale,
+                                     left_out, best, width_m));
+    return release(&call, call.failed ? NULL : PyLong_FromSsize_t(kept));
+}
+
 static PyObject *stretch(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
 {
     Call call;
@@ -292,7 +335,8 @@ static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 
 static PyMethodDef methods[] = {
     KERNEL(heard_columns), KERNEL(evidence), KERNEL(tape), KERNEL(turns),   KERNEL(kept_by_mass),
-    KERNEL(stretch),       KERNEL(rows),     KERNEL(redrawn), KERNEL(summary),
+    KERNEL(heaviest),      KERNEL(rest),     KERNEL(stretch), KERNEL(rows),    KERNEL(redrawn),
+    KERNEL(summary),
     {"stretches_about", (PyCFunction)(void (*)(void))stretches_about_places, METH_FASTCALL, NULL},
     KERNEL(under_factors),
     {NULL, NULL, 0, NULL},
@@ -301,7 +345,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 8);
+    return PyModule_AddIntConstant(module, "VERSION", 9);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

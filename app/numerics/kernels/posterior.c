@@ -1,11 +1,13 @@
-/* Twins of app.numerics.posterior.kept_by_mass and masses, and of app.numerics.answer's peak. */
+/* Twins of app.numerics.posterior's kept_by_mass, heaviest, masses, and app.numerics.answer's peak. */
 #include "kernels.h"
+
+#include "approximate.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { BUCKETS = 1024 };
+enum { BUCKETS = 1024, LANES = 16 };
 
 typedef struct {
     float score;
@@ -34,18 +36,32 @@ static int bucket_of(const Sorted *sorted, float score)
     return at < BUCKETS - 1 ? (int)at : BUCKETS - 1;
 }
 
+FOR_EACH_MACHINE
+static float highest_of(const float *score, ptrdiff_t count)
+{
+    float top[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        top[lane] = -INFINITY;
+    for (ptrdiff_t i = 0; i + LANES <= count; i += LANES)
+        for (int lane = 0; lane < LANES; lane++)
+            top[lane] = score[i + lane] > top[lane] ? score[i + lane] : top[lane];
+    for (ptrdiff_t i = count - count % LANES; i < count; i++)
+        top[0] = score[i] > top[0] ? score[i] : top[0];
+    for (int lane = 1; lane < LANES; lane++)
+        top[0] = top[lane] > top[0] ? top[lane] : top[0];
+    return top[0];
+}
+
 static void sort_roughly(Sorted *sorted, const float *score, ptrdiff_t count, double temperature)
 {
-    float top = -INFINITY;
-    for (ptrdiff_t i = 0; i < count; i++)
-        top = score[i] > top ? score[i] : top;
+    float top = highest_of(score, count);
     /* What lies under the cut is a billionth of the total together: not worth its exponentials. */
     double span = -temperature * log(1e-9 / (double)count);
     *sorted = (Sorted){.top = top, .per_bucket = BUCKETS / span, .temperature = temperature,
                        .cut = top - span};
     for (ptrdiff_t i = 0; i < count; i++)
         if (score[i] >= sorted->cut) {
-            double mass = exp(((double)score[i] - sorted->top) / temperature);
+            double mass = (double)exponential((score[i] - top) * (float)(1.0 / temperature));
             int bucket = bucket_of(sorted, score[i]);
             sorted->mass[bucket] += mass;
             sorted->count[bucket]++;
@@ -71,35 +87,54 @@ static Scored last_of_bucket(const Sorted *sorted, int bucket, const float *scor
 }
 
 /* Equal scores in the order of their indices. */
+static ptrdiff_t keep(const Sorted *sorted, const float *score, ptrdiff_t count, double left_out,
+                      ptrdiff_t most, int64_t *kept)
+{
+    double wanted = (1.0 - left_out) * sorted->total, sum = 0.0;
+    ptrdiff_t enough = 0, found = 0;
+    int bucket = 0;
+    for (; bucket < BUCKETS - 1; bucket++) {
+        if (sum + sorted->mass[bucket] >= wanted || enough + sorted->count[bucket] >= most)
+            break;
+        sum += sorted->mass[bucket];
+        enough += sorted->count[bucket];
+    }
+    if (most <= 0 || enough + sorted->count[bucket] == 0)
+        return 0;
+    Scored last = {-INFINITY, count};
+    if (sorted->count[bucket] > 0) {
+        Scored *room = malloc(sizeof *room * (size_t)sorted->count[bucket]);
+        if (room == NULL)
+            return OUT_OF_MEMORY;
+        last = last_of_bucket(sorted, bucket, score, count, sum, wanted, most - enough, room);
+        free(room);
+    }
+    for (ptrdiff_t i = 0; i < count && found < most; i++)
+        if (score[i] >= sorted->cut &&
+            (score[i] > last.score || (score[i] == last.score && i <= last.index)))
+            kept[found++] = i;
+    return found;
+}
+
 ptrdiff_t keep_by_mass(const float *score, ptrdiff_t count, double temperature, double left_out,
                        ptrdiff_t most, int64_t *kept)
 {
     Sorted sorted;
     sort_roughly(&sorted, score, count, temperature);
-    double wanted = (1.0 - left_out) * sorted.total, sum = 0.0;
-    ptrdiff_t enough = 0, found = 0;
-    int bucket = 0;
-    for (; bucket < BUCKETS - 1; bucket++) {
-        if (sum + sorted.mass[bucket] >= wanted || enough + sorted.count[bucket] >= most)
-            break;
-        sum += sorted.mass[bucket];
-        enough += sorted.count[bucket];
-    }
-    if (most <= 0 || enough + sorted.count[bucket] == 0)
-        return 0;
-    Scored last = {-INFINITY, count};
-    if (sorted.count[bucket] > 0) {
-        Scored *room = malloc(sizeof *room * (size_t)sorted.count[bucket]);
-        if (room == NULL)
-            return OUT_OF_MEMORY;
-        last = last_of_bucket(&sorted, bucket, score, count, sum, wanted, most - enough, room);
-        free(room);
-    }
-    for (ptrdiff_t i = 0; i < count && found < most; i++)
-        if (score[i] >= sorted.cut &&
-            (score[i] > last.score || (score[i] == last.score && i <= last.index)))
-            kept[found++] = i;
-    return found;
+    return keep(&sorted, score, count, left_out, most, kept);
+}
+
+/* `kept` has room for one more than `most`. */
+ptrdiff_t keep_heaviest(const float *score, ptrdiff_t count, double temperature, double left_out,
+                        double not_looked_at, ptrdiff_t most, int64_t *kept, int *whole,
+                        double *total)
+{
+    Sorted sorted;
+    sort_roughly(&sorted, score, count, temperature);
+    *total = sorted.total;
+    ptrdiff_t found = keep(&sorted, score, count, left_out, most + 1, kept);
+    *whole = found <= most;
+    return *whole ? found : keep(&sorted, score, count, not_looked_at, most, kept);
 }
 
 void share_mass(const Places *places, double temperature, double *mass)
