@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 RADIUS_STEPS = np.linspace(0.0, 1.0, 17)
-NEGLIGIBLE = 1e-4  # lighter places move a radius less than it is worth, unless all are light
+NEGLIGIBLE = 1e-4  # lighter places move a radius less than it is worth, unless there are many
+SPARED = 0.02  # of the posterior is what lighter places may hold together
 RADIUS_SDS = 4.0  # the radius lies this near the one that would hold if places were points
 
 
@@ -190,7 +191,12 @@ def radius_m(
 
 def that_matter(mass: Float[np.ndarray, " places"]) -> Int[np.ndarray, " heavy"]:
     """Indices of the places that are not negligible."""
-    return (mass > min(NEGLIGIBLE, 0.5 * float(mass.max()))).nonzero()[0]
+    return (mass > min(negligible(len(mass)), 0.5 * float(mass.max()))).nonzero()[0]
+
+
+def negligible(count: int) -> float:
+    """Mass under which a place is negligible, of so many places."""
+    return min(NEGLIGIBLE, SPARED / count)
 
 
 def spread_m(width_m: Float[np.ndarray, " places"], sd_m: float) -> Float[np.ndarray, " places"]:
