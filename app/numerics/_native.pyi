@@ -173,6 +173,7 @@ def summary(
     segment_sd_m: float,
     reach_sds: float,
     negligible_mass: float,
+    spared: float,
     negligible_candidate: float,
     /,
 ) -> tuple[

@@ -30,7 +30,7 @@ try:
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 9  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 10  # a library left by an older version of the code is not used
 
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
@@ -284,7 +284,7 @@ def summary(
     peak: tuple[float, float],
     radius: tuple[float, float],
     spread: tuple[float, float],
-    negligible: tuple[float, float],
+    negligible: tuple[float, float, float],
 ) -> tuple[int, float, int, float, float, float, float, float, int, list[Rival]]:
     """
     Twin of `app.numerics.summary.summarise`.
@@ -294,7 +294,8 @@ def summary(
         peak: How far about it the position is averaged in metres, and its foot.
         radius: Confidence, and the error of surveyed positions in metres.
         spread: That error for sub-segments, and how many standard deviations of a place count.
-        negligible: Mass of a place and of a rival that do not count.
+        negligible: Mass of a place that does not count, unless such hold more than the second
+            number together, and mass of a rival that is not listed.
     """
     return _native.summary(
         places.where,

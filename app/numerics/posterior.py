@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 RADIUS_STEPS = np.linspace(0.0, 1.0, 17)
 NEGLIGIBLE = 1e-4  # lighter places move a radius less than it is worth, unless there are many
-SPARED = 0.02  # of the posterior is what lighter places may hold together
+SPARED = 0.02  # of the posterior: where lighter places hold more together, all of them count
 RADIUS_SDS = 4.0  # the radius lies this near the one that would hold if places were points
 
 
@@ -182,21 +182,26 @@ def radius_m(
     middle = float(away_m[order[min(int(covered.searchsorted(confidence)), len(order) - 1)]])
     reach = RADIUS_SDS * float(sd_m.max())
     least = max(middle - reach, 0.0)
-    radii = least + (middle + reach - least) * RADIUS_STEPS
-    z = radii[:, None] / sd_m
     centre = away_m / sd_m
-    held = (normal_share(z - centre) - normal_share(-z - centre)) @ mass
-    return float(np.interp(confidence, held, radii))
+
+    def held(radii: Float[np.ndarray, " radii"]) -> Float[np.ndarray, " radii"]:
+        z = radii[:, None] / sd_m
+        return np.asarray((normal_share(z - centre) - normal_share(-z - centre)) @ mass)
+
+    radii = least + (middle + reach - least) * RADIUS_STEPS
+    shares = held(radii)
+    about = np.interp(confidence, shares, radii, left=radii[0], right=radii[-1])
+    after = int(radii.searchsorted(about, side="right"))
+    radii = np.insert(radii, after, about)
+    return float(np.interp(confidence, np.insert(shares, after, held(radii[[after]])), radii))
 
 
 def that_matter(mass: Float[np.ndarray, " places"]) -> Int[np.ndarray, " heavy"]:
     """Indices of the places that are not negligible."""
-    return (mass > min(negligible(len(mass)), 0.5 * float(mass.max()))).nonzero()[0]
-
-
-def negligible(count: int) -> float:
-    """Mass under which a place is negligible, of so many places."""
-    return min(NEGLIGIBLE, SPARED / count)
+    light = mass <= NEGLIGIBLE
+    if float(mass[light].sum()) > SPARED:
+        return np.arange(len(mass))
+    return (~light).nonzero()[0]
 
 
 def spread_m(width_m: Float[np.ndarray, " places"], sd_m: float) -> Float[np.ndarray, " places"]:

@@ -64,6 +64,7 @@ class Query:
     told: native.Told | None = None
     _aims: dict[int, Aim] = field(default_factory=dict)
     _terms: list[native.Likelihood] = field(default_factory=list)
+    _numbers: dict[Columns, list[int]] = field(default_factory=dict)
 
     @cached_property
     def factors(self) -> Float[np.ndarray, "channels samples rows"]:
@@ -133,10 +134,13 @@ class Query:
 
     def numbers(self, column: Columns) -> list[int]:
         """Each cell's column, or that of what stands in for it; -1 = not even that."""
-        found = [column.cell.get(cell, -1) for cell in self.cells]
-        if -1 not in found:
-            return found
-        return column.filled(found, self.cells, self._stand_ins)
+        known = self._numbers.get(column)
+        if known is None:
+            known = [column.cell.get(cell, -1) for cell in self.cells]
+            if -1 in known:
+                known = column.filled(known, self.cells, self._stand_ins)
+            self._numbers[column] = known
+        return known
 
     @cached_property
     def _stand_ins(self) -> list[str]:

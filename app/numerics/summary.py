@@ -10,7 +10,8 @@ from jaxtyping import Float
 from app.numerics import native
 from app.numerics.geodesy import wrap_longitude_deg
 from app.numerics.index import MapIndex, Spot
-from app.numerics.posterior import Places, masses, negligible, radius_m
+from app.numerics.posterior import NEGLIGIBLE as NEGLIGIBLE_PLACE
+from app.numerics.posterior import SPARED, Places, masses, radius_m
 from app.numerics.spread import REACH_SDS, over_segments
 
 PEAK_M = 15.0  # the position is the mean of the posterior this far about its peak
@@ -113,7 +114,7 @@ def _summarise_in_c(
             (PEAK_M, FOOT),
             (confidence, index.calibration.position_sd_m),
             (index.calibration.segment_sd_m, REACH_SDS),
-            (negligible(len(places)), NEGLIGIBLE),
+            (NEGLIGIBLE_PLACE, SPARED, NEGLIGIBLE),
         )
     )
 

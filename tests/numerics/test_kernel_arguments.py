@@ -74,7 +74,20 @@ def arguments(seed: int) -> dict[str, list[object]]:
         ],
         "summary": [
             *(*old, atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),
-            *(atlas.edge_m, atlas.first_edge, 1.0, 15.0, 1e-3, 0.68, 1.0, 3.0, 4.0, 1e-4, 1e-9),
+            *(
+                atlas.edge_m,
+                atlas.first_edge,
+                1.0,
+                15.0,
+                1e-3,
+                0.68,
+                1.0,
+                3.0,
+                4.0,
+                1e-4,
+                0.02,
+                1e-9,
+            ),
         ],
     }
 

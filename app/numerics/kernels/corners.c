@@ -29,6 +29,8 @@ static void lay_arm(const Factors *f, Each each, ptrdiff_t column, int sign, int
                     ptrdiff_t ends, float *const sums[3])
 {
     for (ptrdiff_t i = 0; i < f->samples; i++) {
+        if (f->first[i] == f->first[i + 1] && f->outside[i] == 0.0)
+            continue; /* nor has its row been filled in */
         ptrdiff_t behind = f->behind[i];
         ptrdiff_t hard = onto ? (behind > 1 ? behind : 1) : behind - 1, soft = onto ? ends : 1;
         if (onto ? hard > soft : hard < soft)

@@ -112,7 +112,26 @@ static void hold(const Around *restrict around, ptrdiff_t count,
         held[r] += within;
 }
 
-static double interpolate(double wanted, const double *held, const double *radii_m)
+static double held_at(const Around *around, ptrdiff_t count, double radius_m)
+{
+    double held = 0.0;
+    for (ptrdiff_t i = 0; i < count; i++) {
+        double per_m = 1.0 / around[i].sd_m;
+        float near = normal_share((float)((radius_m - around[i].away_m) * per_m));
+        float far = normal_share((float)((-radius_m - around[i].away_m) * per_m));
+        held += around[i].mass * (double)(near - far);
+    }
+    return held;
+}
+
+static double straight(double wanted, double low, double high, double low_m, double high_m)
+{
+    return high > low ? low_m + (wanted - low) / (high - low) * (high_m - low_m) : low_m;
+}
+
+/* Straight between the radii about it, then between what it holds there and the nearer of them. */
+static double interpolate(const Around *around, ptrdiff_t count, double wanted, const double *held,
+                          const double *radii_m)
 {
     if (!(wanted > held[0]))
         return radii_m[0];
@@ -121,8 +140,11 @@ static double interpolate(double wanted, const double *held, const double *radii
         low--;
     if (low == RADII - 1)
         return radii_m[low];
-    double share = (wanted - held[low]) / (held[low + 1] - held[low]);
-    return radii_m[low] + share * (radii_m[low + 1] - radii_m[low]);
+    double at_m = straight(wanted, held[low], held[low + 1], radii_m[low], radii_m[low + 1]);
+    double found = held_at(around, count, at_m);
+    if (found > wanted)
+        return straight(wanted, held[low], found, radii_m[low], at_m);
+    return straight(wanted, found, held[low + 1], at_m, radii_m[low + 1]);
 }
 
 /* Twin of radius_m; around is not empty. */
@@ -140,7 +162,7 @@ static double radius_around(Around *around, ptrdiff_t count, double confidence,
     for (int r = 0; r < LANES; r++)
         radii_m[r] = least_m + (most_m - least_m) * (r < RADII ? r / (RADII - 1.0) : 1.0);
     hold(around, count, radii_m, held);
-    return interpolate(confidence * total, held, radii_m);
+    return interpolate(around, count, confidence * total, held, radii_m);
 }
 
 int radius(const Places *places, const double *mass, const Atlas *atlas, double x_m, double y_m,

@@ -282,14 +282,14 @@ static PyObject *list_of(const Candidates *listed, const Atlas *map, double negl
 
 /* What app.numerics.summary draws from places, in one go. */
 static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, double *mass,
-                           const double options[9])
+                           const double options[10])
 {
     ptrdiff_t road, peak, low, best = 0;
     const double *score = all->values + SCORE * all->count;
-    double road_mass, chainage_m, share = 0.0, radius_m = 0.0, heaviest = 0.0;
+    double road_mass, chainage_m, share = 0.0, radius_m = 0.0, light = 0.0;
     share_mass(all, options[0], mass);
     for (ptrdiff_t i = 0; i < all->count; i++) {
-        heaviest = fmax(heaviest, mass[i]);
+        light += mass[i] <= options[7] ? mass[i] : 0.0;
         best = score[i] > score[best] ? i : best;
     }
     check(call, find_summit(all, mass, map->roads, options[1], options[2], &road,
@@ -298,12 +298,12 @@ static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, doub
     if (call->failed)
         return NULL;
     double x_m = between(map, X_M, low, share), y_m = between(map, Y_M, low, share);
-    double negligible = fmin(options[7], 0.5 * heaviest);
+    double negligible = light > options[8] ? -1.0 : options[7]; /* -1: none is */
     check(call, radius(all, mass, map, x_m, y_m, options[3], options[4], negligible, &radius_m));
     Spread spread = {options[5], options[6], negligible};
     Candidates listed = {0};
     check(call, call->failed ? 0 : list_candidates(all, mass, map, &spread, &listed));
-    PyObject *list = call->failed ? NULL : list_of(&listed, map, options[8]);
+    PyObject *list = call->failed ? NULL : list_of(&listed, map, options[9]);
     free(listed.each);
     if (list == NULL)
         return NULL;
@@ -316,12 +316,12 @@ static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 18))
+    if (!begin(&call, arguments, given, 19))
         return NULL;
     Places all = places(&call);
     Atlas map = atlas(&call);
-    double options[9]; /* temperature, and two each of peak, radius, spread and negligible */
-    for (int i = 0; i < 9; i++)
+    double options[10]; /* temperature, two each of peak, radius, spread, three of negligible */
+    for (int i = 0; i < 10; i++)
         options[i] = number(&call);
     double *mass = call.failed ? NULL : malloc(sizeof *mass * (size_t)all.count);
     if (!call.failed && mass == NULL)
@@ -345,7 +345,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 9);
+    return PyModule_AddIntConstant(module, "VERSION", 10);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

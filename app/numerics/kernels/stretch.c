@@ -47,6 +47,8 @@ INLINE void lay_window(const Along *along, const Factors *f, ptrdiff_t column, i
                        Lanes sums[3])
 {
     for (ptrdiff_t i = 0; i < f->samples; i++) {
+        if (f->first[i] == f->first[i + 1] && f->outside[i] == 0.0)
+            continue; /* of this carrier the sample heard nothing */
         ptrdiff_t at = column - sign * f->behind[i];
         if (at >= 0 && at + LANES <= along->columns) {
             add_columns(along, f, i, at, LANES, sums);

@@ -55,6 +55,8 @@ static void lay_along(const Tape *tape, const Factors *f, const Brief *brief, pt
 {
     for (ptrdiff_t column = 0; column < tape->columns; column += BLOCK)
         for (ptrdiff_t i = 0; i < f->samples; i++) {
+            if (f->first[i] == f->first[i + 1] && f->outside[i] == 0.0)
+                continue; /* of this carrier the sample heard nothing */
             Lanes here[3][ABREAST];
             lay_sample(f, brief, i, tape->outside, column, here);
             for (int channel = 0; channel < 3; channel++) {
