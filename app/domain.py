@@ -142,8 +142,7 @@ class RoadModel:
         heard: Probability that a sample of its carrier hears the cell, mapped or not, same shape.
         heard_on: Cells heard on each survey day (ISO date, or ``""``), shape ``(cells,)`` each.
         features: The road-scale features (Eq. 3). Shape ``(5, cells)``.
-        evidence: Held-out windows of this road's own passes, for calibration; columns as in
-            `app.numerics.evidence_table.COLUMNS`. Shape ``(windows, columns)``, float32.
+        evidence: Held-out windows of its own passes, see `app.numerics.evidence_table`; float32.
     """
 
     road_id: str

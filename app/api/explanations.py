@@ -24,7 +24,7 @@ def explanation_document(index: MapIndex, window: Window, fix: Fix) -> Document:
         "runner_up": _place(index, told.runner_up),
         "score_difference": told.difference,
         "temperature": told.temperature,
-        "device_offset_db": told.answer.told.offset_db,
+        "device_offset_db": told.answer.told.device_db,
         "offset_contribution": told.offset,
         "cells": [_cell(told, one) for one in told.shares],
         "fit": told.fit,
@@ -84,6 +84,7 @@ def _samples(told: Explanation) -> Document:
     return {
         "cells": told.cells,
         "behind_m": np.ascontiguousarray(told.behind_m),
+        "offset_db": np.ascontiguousarray(told.answer.told.offset_db),
         "residual_db": np.ascontiguousarray(told.residual_db),
         "expected_dbm": np.ascontiguousarray(expected.rsrp_dbm),
         "spread_db": np.ascontiguousarray(expected.spread_db),

@@ -91,7 +91,8 @@ class Contributions:
         level, hearing: Of each of the query's samples (newest first) and cells.
         silent: Of each cell that the road has and the window did not hear at all.
         offset: Of the offsets of the device and its carriers.
-        offset_db: The offsets that were taken out of ``level``. Shape ``(cells,)``.
+        offset_db: The offsets of device and carrier that were taken out of ``level``. Shape
+            ``(cells,)``; ``device_db`` is the device's that fits the place.
         residual, weight: For the device's offset, see `app.numerics.offsets`.
         gain: What the device's offset added to the score of the matcher.
     """
@@ -102,6 +103,7 @@ class Contributions:
     silent: dict[str, float]
     offset: float
     offset_db: Floats
+    device_db: float
     residual: float
     weight: float
     gain: float
@@ -114,7 +116,7 @@ class Contributions:
 
 
 def contributions(
-    index: MapIndex, query: Query, place: Place, device_db: Floats | None = None
+    index: MapIndex, query: Query, place: Place, offsets_db: Floats | None = None
 ) -> Contributions:
     """
     Take the score of a window at a place apart.
@@ -123,8 +125,7 @@ def contributions(
     `app.numerics.refinement` has it.
 
     Args:
-        device_db: The offsets of all cells to take out of the levels; None = those that fit the
-            place.
+        offsets_db: Of all cells, to take out of the levels; None = those that fit the place.
     """
     laid = laid_at(index, place, query.length_m, query.cells)
     road, at = laid.road, laid.chainage_m / laid.road.step_m
@@ -138,10 +139,12 @@ def contributions(
     weight = here.weight + share * (there.weight - here.weight)
     prior = query.prior(index)
     taken = _between(_taken(query, here, prior), _taken(query, there, prior), share, prior)
-    if device_db is None:
-        device_db = _offsets_db(query, residual, weight, prior)
-    moved = device_db * residual - 0.5 * device_db**2 * weight
     total_residual, total_weight = float(taken.residual[0]), float(taken.weight[0])
+    device_db = offset_db(total_residual, total_weight, prior)
+    if offsets_db is None:
+        sums = _sums(query, residual, weight)[:, 0]
+        offsets_db = carrier_offsets_db(sums, device_db, prior)[query.carrier]
+    moved = offsets_db * residual - 0.5 * offsets_db**2 * weight
     return Contributions(
         place=place,
         level=level + moved,
@@ -150,7 +153,8 @@ def contributions(
             cell: one + share * (there.silent[cell] - one) for cell, one in here.silent.items()
         },
         offset=float(taken.gain[0] - moved.sum()),
-        offset_db=device_db,
+        offset_db=offsets_db,
+        device_db=device_db,
         residual=total_residual,
         weight=total_weight,
         gain=offset_gain_at(total_residual, total_weight, prior),
@@ -239,14 +243,6 @@ def _between(here: Taken, there: Taken, share: float, prior: OffsetPrior) -> Tak
     )
     bend = 0.5 * (there.residual - here.residual) ** 2 * like_db2 / (1.0 + here.weight * like_db2)
     return Taken(gain - bend * share * (1.0 - share), residual, weight)
-
-
-def _offsets_db(query: Query, residual: Floats, weight: Floats, prior: OffsetPrior) -> Floats:
-    """Of each cell, the offsets of its carrier and of the device that fit a place."""
-    sums = _sums(query, residual, weight)
-    _, left, counts = take_offsets(sums, prior)
-    device_db = offset_db(float(left[0]), float(counts[0]), prior)
-    return carrier_offsets_db(sums[:, 0], device_db, prior)[query.carrier]
 
 
 def cell_terms(

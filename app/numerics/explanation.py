@@ -180,9 +180,9 @@ class _Sight:
     rsrp_dbm: Float[np.ndarray, "samples cells"]
     reference: str
 
-    def account(self, place: Place, device_db: Floats | None = None) -> Account:
+    def account(self, place: Place, offsets_db: Floats | None = None) -> Account:
         road, cells = self.index.roads[place.road], self.query.cells
-        told = contributions(self.index, self.query, place, device_db)
+        told = contributions(self.index, self.query, place, offsets_db)
         there = expected(self.index, place, cells, self.behind_m)
         segment = int(road.edges_m[1:-1].searchsorted(place.chainage_m, side="right"))
         silent = tuple(told.silent)

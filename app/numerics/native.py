@@ -34,7 +34,6 @@ else:
 
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
-Rival = tuple[int, int, int, float, float, float, float]
 Likelihood = tuple[float, float, float, float, float, float, float, float]
 
 
@@ -275,35 +274,3 @@ def redrawn(
         finer.values,
     )
     return finer
-
-
-def summary(
-    places: Places,
-    atlas: tuple[Wholes, Wholes, Wholes, Floats, Floats, Floats, Wholes],
-    temperature: float,
-    peak: tuple[float, float],
-    radius: tuple[float, float],
-    spread: tuple[float, float],
-    negligible: tuple[float, float, float],
-) -> tuple[int, float, int, float, float, float, float, float, int, list[Rival]]:
-    """
-    Twin of `app.numerics.summary.summarise`.
-
-    Args:
-        atlas: Start, size, sub-segments, steps, plane, edges and each road's first edge.
-        peak: How far about it the position is averaged in metres, and its foot.
-        radius: Confidence, and the error of surveyed positions in metres.
-        spread: That error for sub-segments, and how many standard deviations of a place count.
-        negligible: Mass of a place that does not count, unless such hold more than the second
-            number together, and mass of a rival that is not listed.
-    """
-    return _native.summary(
-        places.where,
-        places.values,
-        *atlas,
-        temperature,
-        *peak,
-        *radius,
-        *spread,
-        *negligible,
-    )

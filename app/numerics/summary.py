@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from app.numerics import native
+from app.numerics import native_summary
 from app.numerics.geodesy import wrap_longitude_deg
 from app.numerics.index import MapIndex, Spot
 from app.numerics.posterior import NEGLIGIBLE as NEGLIGIBLE_PLACE
@@ -104,7 +104,7 @@ def _summarise_in_c(
 ) -> Summary:
     atlas = index.atlas
     return Summary(
-        *native.summary(
+        *native_summary.summary(
             places,
             (
                 *(atlas.start, atlas.size, atlas.segment, atlas.step_m),

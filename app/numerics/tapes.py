@@ -2,8 +2,7 @@
 Tapes: the coarse scale of a map.
 
 Neighbouring roads share a *tape*: their cells' profiles at coarse steps, laid end to end with gaps,
-so that one pass over it scores every sub-segment of all of them. The cells known say which tapes
-a window has any business with; all cells then tell its roads apart.
+so that one pass over it scores every sub-segment of all of them. All cells tell its roads apart.
 """
 
 from __future__ import annotations
@@ -112,17 +111,15 @@ class Tape:
 
     Attributes:
         roads: Numbers of the roads, in the order of their columns.
-        column: Rows of cells that any of the roads has heard, and of what stands in for others.
-        heard: These cells.
+        column: Rows of the cells that any road has ``heard``, and of what stands in for others.
         salient: Those that tell any of the roads, or of their sub-segments, from the others.
-        levels: The same stretch at each of `COARSE_STEPS_M`.
     """
 
     roads: tuple[int, ...]
     column: Columns
     heard: frozenset[str]
     salient: frozenset[str]
-    levels: tuple[CoarseProfile, ...]
+    levels: tuple[CoarseProfile, ...]  # the same stretch at each of `COARSE_STEPS_M`
 
 
 def _groups(models: Sequence[RoadModel]) -> list[tuple[int, ...]]:
@@ -174,7 +171,7 @@ def places_of(tapes: Sequence[Tape]) -> tuple[CoarsePlaces, ...]:
 
 def joined_runs(levels: Sequence[CoarseProfile]) -> Int[np.ndarray, " runs"]:
     """Where the runs of several tapes begin when their scores lie one after the other."""
-    starts = accumulate([len(level.places) for level in levels], initial=0)
+    starts = accumulate((len(level.places) for level in levels), initial=0)
     return np.concatenate([one.runs + start for one, start in zip(levels, starts, strict=False)])
 
 

@@ -46,11 +46,14 @@ class ExplainedSamples(BaseModel):
     """
     Every sample used at the answer's place: one row a sample, oldest first, one column a cell.
 
-    `residual_db` is the reading minus `expected_dbm` minus `device_offset_db`.
+    `residual_db` is the reading minus `expected_dbm` minus the cell's `offset_db`.
     """
 
     cells: list[str] = Field(description="The window's cells that the map has, sorted.")
     behind_m: list[float] = Field(description="Travelled distance from each sample to the last.")
+    offset_db: list[float] = Field(
+        description="Of the device and each cell's carrier, taken out of the levels at both places."
+    )
     residual_db: Matrix = Field(description="null: not heard, or not mapped there.")
     expected_dbm: Matrix = Field(description="Level on the fitted curve; null: not mapped there.")
     spread_db: Matrix = Field(description="Standard deviation of a new reading about it.")
@@ -103,7 +106,7 @@ class ExplanationDocument(BaseModel):
     )
     score_difference: float
     temperature: float
-    device_offset_db: float = Field(description="Taken out of the levels at both places.")
+    device_offset_db: float = Field(description="Of the device; carriers differ from it.")
     offset_contribution: float = Field(
         description="What other device offsets add; negative where the runner-up would need one."
     )
