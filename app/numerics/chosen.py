@@ -50,13 +50,18 @@ class Chosen:
     Attributes:
         closer: Those, along each road in order.
         whole: Whether the others hold no more than `LEFT_OUT`.
-        covered: Which of all they are, and those beside: what aligning them says all of.
+        rows: Which of all they are.
     """
 
     every: Scored
     closer: Coarse
     whole: bool
-    covered: Int[np.ndarray, " covered"]
+    rows: Int[np.ndarray, " aligned"]
+
+    @property
+    def covered(self) -> Int[np.ndarray, " covered"]:
+        """Those and the ones beside them: what aligning says all of."""
+        return self.every.with_neighbours(self.rows)
 
 
 def choose(index: MapIndex, query: Query) -> tuple[Chosen, list[Corner]]:
@@ -97,7 +102,7 @@ def _chosen(every: Scored, rows: np.ndarray, *, whole: bool) -> Chosen:
     """Where more carries the posterior than is aligned, those beside are aligned, too."""
     for _ in range(0 if whole else FLANK):
         rows = every.with_neighbours(rows)
-    return Chosen(every, every.take(rows), whole, every.with_neighbours(rows))
+    return Chosen(every, every.take(rows), whole, rows)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -154,8 +154,8 @@ def joined(
 def _stretches(index: MapIndex, kept: Coarse) -> list[Stretch]:
     """Road, direction, first and last grid position of every unbroken row of coarse positions."""
     road, sign, chainage_m = kept.road, kept.sign, kept.chainage_m
-    parted = np.diff(chainage_m) > JOINED_STEPS * kept.step_m
-    parted |= (np.diff(road) != 0) | (np.diff(sign) != 0)
+    parted = chainage_m[1:] - chainage_m[:-1] > JOINED_STEPS * kept.step_m
+    parted |= (road[1:] != road[:-1]) | (sign[1:] != sign[:-1])
     ends = (parted.nonzero()[0] + 1).tolist()
     stretches = []
     for start, end in pairwise([0, *ends, len(road)]):

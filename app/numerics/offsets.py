@@ -18,7 +18,7 @@ would allow offsets ``sqrt(T)`` times as large, and most of what levels say woul
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +65,8 @@ class OffsetPrior:
 
     def at(self, temperature: float) -> OffsetPrior:
         """The same for a window of this temperature."""
-        return replace(self, temperature=temperature)
+        like, broad = (self.like_db2, self.like_log), (self.any_db2, self.any_log)
+        return OffsetPrior(*like, *broad, self.carrier_db2, temperature)
 
 
 class Taken(NamedTuple):

@@ -63,6 +63,7 @@ class Query:
     fine: Evidence
     told: native.Told | None = None
     _aims: dict[int, Aim] = field(default_factory=dict)
+    _priors: list[OffsetPrior] = field(default_factory=list)
     _terms: list[native.Likelihood] = field(default_factory=list)
     _numbers: dict[Columns, list[int]] = field(default_factory=dict)
 
@@ -77,8 +78,10 @@ class Query:
         return carriers.numbers(self.cells)
 
     def prior(self, index: MapIndex) -> OffsetPrior:
-        """What the device's offset may be, for this window."""
-        return index.offset_prior.at(self.temperature(index.calibration))
+        """What the device's offset may be, for this window; worked out once."""
+        if not self._priors:
+            self._priors.append(index.offset_prior.at(self.temperature(index.calibration)))
+        return self._priors[0]
 
     def likelihood(self, index: MapIndex) -> native.Likelihood:
         """The same with the constants of the likelihood, for the kernels; worked out once."""
