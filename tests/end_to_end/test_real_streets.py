@@ -42,11 +42,11 @@ def service(start_service):
 
 
 def test_later_drives_are_found_on_their_streets(service):
-    """Windows of 200 m: road right 88 %, median error 20 m, direction right 93 %."""
+    """Windows of 200 m: road right 96 %, median error 10 m, direction right 93 %."""
     windows = cut_windows(load_test_drives(DATA), 300, length_m=200.0, seed=2024)
     scores = Scores.of(locate_all(service, windows))
-    assert scores.road_right >= 0.88, scores
-    assert scores.median_error_m <= 20.0, scores
+    assert scores.road_right >= 0.96, scores
+    assert scores.median_error_m <= 10.0, scores
     assert scores.direction_right >= 0.93, scores
 
 

@@ -61,7 +61,7 @@ static void sort_roughly(Sorted *sorted, const float *score, ptrdiff_t count, do
                        .cut = top - span};
     for (ptrdiff_t i = 0; i < count; i++)
         if (score[i] >= sorted->cut) {
-            double mass = (double)exponential((score[i] - top) * (float)(1.0 / temperature));
+            double mass = exp(((double)score[i] - sorted->top) / temperature);
             int bucket = bucket_of(sorted, score[i]);
             sorted->mass[bucket] += mass;
             sorted->count[bucket]++;
