@@ -142,7 +142,8 @@ class RoadModel:
         heard: Probability that a sample of its carrier hears the cell, mapped or not, same shape.
         heard_on: Cells heard on each survey day (ISO date, or ``""``), shape ``(cells,)`` each.
         features: The road-scale features (Eq. 3). Shape ``(5, cells)``.
-        evidence: Held-out windows of its own passes, see `app.numerics.evidence_table`; float32.
+        evidence, unseen: Windows of its passes (`app.numerics.evidence_table`), float32, and the
+            grid arrays without the passes of each fold, at nodes, float16.
     """
 
     road_id: str
@@ -159,6 +160,7 @@ class RoadModel:
     pass_count: int
     sample_count: int
     evidence: Float[np.ndarray, "windows columns"]
+    unseen: Float[np.ndarray, "folds 3 nodes cells"]
     heard_on: Mapping[str, Bool[np.ndarray, " cells"]] = field(default_factory=dict)
 
 

@@ -98,6 +98,7 @@ def model_of(
         pass_count=2,
         sample_count=grid * 2,
         evidence=rng.normal(size=(7, 4)).astype(np.float32),
+        unseen=rng.uniform(0.0, 1.0, (2, 3, grid // 3, len(cells))).astype(np.float16),
         heard_on={} if days is None else {day: rng.random(len(cells)) < 0.5 for day in days},
     )
 

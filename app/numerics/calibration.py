@@ -19,14 +19,14 @@ import numpy as np
 from jaxtyping import Float
 
 from app.domain import Calibration, RadioMap, Reliability, RoadModel
-from app.numerics.evidence_table import HeldOut
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_terms
 from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetPrior
 from app.numerics.posterior import RESIDUAL, WEIGHT, masses
 from app.numerics.reliability import reliability
-from app.numerics.trials import Trial, ask_all, held_out_windows, size_of, with_offset
+from app.numerics.trials import Trial, ask_all, size_of, with_offset
+from app.numerics.unseen import Asked, ask_at_home, held_out_windows
 
 MIN_WINDOWS = 20  # fewer held-out windows say nothing reliable
 NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
@@ -56,13 +56,13 @@ def calibrate(models: Sequence[RoadModel]) -> Calibration:
     if len(windows) < MIN_WINDOWS:
         return Calibration()
     index = MapIndex.build(RadioMap(0, tuple(models), Calibration()))
+    asked = ask_at_home(index, models, windows)
     learnt = Calibration(
-        offset_sd_db=_offset_sd_db([one for _, one in windows], index.offset_prior),
-        window_count=len(windows),
+        offset_sd_db=_offset_sd_db(asked, index.offset_prior), window_count=len(asked)
     )
     index = index.recalibrated(learnt)
-    sizes = np.array([size_of(one) for _, one in windows])
-    once, each, position_sd_m = _most_probable(windows, sizes, index.offset_prior, index.lengths_m)
+    sizes = np.array([size_of(one.truth) for one in asked])
+    once, each, position_sd_m = _most_probable(asked, sizes, index.offset_prior, index.lengths_m)
     learnt = replace(
         learnt,
         information_once=once,
@@ -70,7 +70,7 @@ def calibrate(models: Sequence[RoadModel]) -> Calibration:
         position_sd_m=position_sd_m,
         segment_sd_m=position_sd_m,
     )
-    trials = ask_all(index.recalibrated(learnt), models, windows)
+    trials = ask_all(index.recalibrated(learnt), models, asked)
     learnt = replace(learnt, off_map=_log_odds(trials, learnt))
     return _wide_enough(index, trials, learnt)
 
@@ -95,9 +95,9 @@ def held(told: Reliability) -> float:
     return dict(told.coverage)[HELD]
 
 
-def _offset_sd_db(windows: Sequence[HeldOut], prior: OffsetPrior) -> float:
+def _offset_sd_db(windows: Sequence[Asked], prior: OffsetPrior) -> float:
     """Spread of device offsets beyond what the windows' own noise and carriers explain."""
-    told = [_offset_at_truth(one, prior) for one in windows if one.measured]
+    told = [_offset_at_truth(one, prior) for one in windows if one.truth.measured]
     if len(told) < MIN_WINDOWS:
         return Calibration().offset_sd_db
     offset_db, noise_db2 = np.array(told).T
@@ -107,11 +107,11 @@ def _offset_sd_db(windows: Sequence[HeldOut], prior: OffsetPrior) -> float:
     return float(np.sqrt(max(variance_db2, SMALLEST_OFFSET_SD_DB**2)))
 
 
-def _offset_at_truth(one: HeldOut, prior: OffsetPrior) -> tuple[float, float]:
+def _offset_at_truth(one: Asked, prior: OffsetPrior) -> tuple[float, float]:
     """Offset at the best place near the truth, and the variance that noise puts into it."""
     places = with_offset(one.places, prior)
-    near = np.abs(places.chainage_m - one.chainage_m) <= NEAR_TRUTH_M
-    near &= places.sign == one.sign
+    near = np.abs(places.chainage_m - one.truth.chainage_m) <= NEAR_TRUTH_M
+    near &= places.sign == one.truth.sign
     if not near.any():
         return 0.0, 0.0
     truth = int(np.argmax(np.where(near, places.score, -np.inf)))
@@ -120,7 +120,7 @@ def _offset_at_truth(one: HeldOut, prior: OffsetPrior) -> tuple[float, float]:
 
 
 def _most_probable(
-    windows: Sequence[tuple[int, HeldOut]],
+    windows: Sequence[Asked],
     sizes: Float[np.ndarray, "windows 2"],
     prior: OffsetPrior,
     lengths_m: Floats,
@@ -132,12 +132,11 @@ def _most_probable(
     that nothing could place must not decide alone.
 
     Args:
-        windows: Each with the number of its road.
         sizes: What each one's samples weigh together, and how many they are.
         lengths_m: Of all roads.
     """
     anywhere = OFF_MAP_PRIOR / (2.0 * lengths_m)
-    tables = np.stack([_log_densities(one, float(anywhere[at]), prior) for at, one in windows])
+    tables = np.stack([_log_densities(one, float(anywhere[one.road]), prior) for one in windows])
     weight, samples = sizes.T
     best, best_log = (0.0, 1.0, 0.0), -np.inf
     for once, each in product(INFORMATION_ONCE, INFORMATION_EACH):
@@ -160,7 +159,7 @@ def _at_temperatures(
 
 
 def _log_densities(
-    truth: HeldOut, anywhere: float, prior: OffsetPrior
+    one: Asked, anywhere: float, prior: OffsetPrior
 ) -> Float[np.ndarray, "temperatures errors"]:
     """
     Log of the posterior per metre at the truth, for every temperature and error of the truth.
@@ -168,7 +167,7 @@ def _log_densities(
     Asked on the window's own road alone: there all curves lack the window's day, while in the whole
     map only its own road's do, which would make the others look better than they are.
     """
-    own = truth.places
+    own, truth = one.places, one.truth
     driven = np.where(own.sign == truth.sign)[0]
     miss_m, width_m = own.chainage_m[driven] - truth.chainage_m, own.width_m[driven]
     near = np.stack([_nearness(miss_m, width_m, sd_m) for sd_m in POSITION_SDS_M], axis=1)

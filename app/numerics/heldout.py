@@ -1,9 +1,10 @@
 """
-Evidence for calibration: a road's own windows against curves that have not seen them.
+Evidence for calibration: windows of a road's passes, and curves that have not seen them.
 
 Passes are held out by day; a road with one pass, or one day, has windows drawn from its own curves
 and spread instead, which say nothing of devices and days and are marked so. How such a window fits
-the rest of the map is asked when a version is calibrated, as that depends on the other roads.
+its own road and the rest of the map is asked when a version is calibrated (`app.numerics.unseen`),
+as that depends on the other roads.
 """
 
 from __future__ import annotations
@@ -12,28 +13,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float16, Float32, Int
 
-from app.numerics.alignment import align
-from app.numerics.evidence_table import HeldOut, pack
-from app.numerics.index import road_profile
-from app.numerics.newcomers import Columns
-from app.numerics.observation import Evidence, Profile
+from app.numerics.evidence_table import DRAWN, HeldOut, pack
 from app.numerics.passes import RoadPass
-from app.numerics.posterior import SCORE, Places
-from app.numerics.query import Aim, prepare
-from app.numerics.refinement import bend_along, between
-from app.numerics.tapes import BOTH
 
 WINDOW_LENGTHS_M = (0.0, 30.0, 60.0, 120.0, 200.0, 400.0)  # from one sample to the longest
 WINDOWS_PER_ROAD = 72  # enough for a road to have its say, few enough to cost little room
 MOST_FOLDS = 8
 COVERED_TO_M = 25.0  # farther from any other pass the curves say nothing that could be held out
-FINE_M = 6.0  # places nearer the truth than this are drawn as finely as a query's peaks
-NEAR_TRUTH_M = 40.0  # and nearer than this kept metre by metre
-BLOCK_M = 16.0  # of those farther off, the best of a block stands for it
-BLOCK_TEMPERATURE = 6.0  # typical; places of a block differ little at any
-HOPELESS = 150.0  # a score this far under the best has no mass at any temperature
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,9 +42,24 @@ class Surface:
         """Probability of hearing each cell, 0 where it is not mapped."""
         return np.where(np.isnan(self.mean_dbm), 0.0, self.heard)
 
-    def profile(self, cells: tuple[str, ...]) -> Profile:
-        """Ready for scoring."""
-        return road_profile(cells, self.mean_dbm, self.spread_db, self.heard)
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """
+    What a road holds out.
+
+    Attributes:
+        windows: See `app.numerics.evidence_table`.
+        unseen: See `app.domain.RoadModel`.
+    """
+
+    windows: Float32[np.ndarray, "rows columns"]
+    unseen: Float16[np.ndarray, "folds 3 nodes cells"]
+
+
+def nodes_of(grid: int, nodes: int) -> Int[np.ndarray, " nodes"]:
+    """Which grid positions curves are kept at, so many of them."""
+    return np.rint(np.linspace(0.0, grid - 1.0, nodes)).astype(np.intp)
 
 
 def held_out_evidence(
@@ -64,35 +67,43 @@ def held_out_evidence(
     cells: tuple[str, ...],
     surface: Surface,
     refit: Callable[[Sequence[RoadPass]], Surface],
-    step_m: float,
-) -> Float[np.ndarray, "rows columns"]:
+    steps_m: tuple[float, float],
+) -> Evidence:
     """
-    Windows of the road's passes and where on the road they fit, packed for the store.
+    Windows of the road's passes, and the curves that have not seen them.
 
     Args:
         passes: All passes of the road as they were driven, since that is what a client will send
             and what its fixes are compared with; their columns are ``cells``.
         surface: Fitted to all of them.
         refit: Fits a surface to some of them, registered among themselves alone.
-
-    Returns:
-        See `app.numerics.evidence_table`. Float32.
+        steps_m: Of the grid, and of the curves' knots, which the nodes lie no farther apart than.
     """
+    step_m, spacing_m = steps_m
+    grid = len(surface.mean_dbm)
+    apart = max(int(spacing_m / step_m), 1)
+    nodes = nodes_of(grid, 1 + -(-(grid - 1) // apart))
     folds = _folds(passes)
     found: list[HeldOut] = []
+    unseen: list[Float16[np.ndarray, "3 nodes cells"]] = []
     if len(folds) > 1:
-        for held in folds:
+        for fold, held in enumerate(folds):
             others = [one for one in passes if one not in held]
-            along = refit(others).profile(cells)
+            unseen.append(_at(nodes, refit(others)))
             for one, first, last in _cut(held, max(WINDOWS_PER_ROAD // len(folds), 6)):
                 if _covered(one.chainage_m[[first, last]], others):
-                    found += _held_out(one, first, last, cells, (along, step_m), measured=True)
+                    found += _held_out(one, first, last, fold)
     else:
-        along = surface.profile(cells)
         drawn = [_redrawn(one, surface, step_m, seed) for seed, one in enumerate(passes)]
         for one, first, last in _cut(drawn, WINDOWS_PER_ROAD):
-            found += _held_out(one, first, last, cells, (along, step_m), measured=False)
-    return pack(found)
+            found += _held_out(one, first, last, DRAWN)
+    empty = np.zeros((0, 3, len(nodes), len(cells)), dtype=np.float16)
+    return Evidence(pack(found), np.stack(unseen) if unseen else empty)
+
+
+def _at(nodes: Int[np.ndarray, " nodes"], surface: Surface) -> Float16[np.ndarray, "3 nodes cells"]:
+    curves = (surface.mean_dbm, surface.spread_db, surface.heard)
+    return np.stack([each[nodes] for each in curves]).astype(np.float16)
 
 
 def _folds(passes: Sequence[RoadPass]) -> list[list[RoadPass]]:
@@ -156,75 +167,12 @@ def _cut(passes: Sequence[RoadPass], most: int) -> list[tuple[RoadPass, int, int
     return windows
 
 
-def _held_out(
-    one: RoadPass,
-    first: int,
-    last: int,
-    cells: tuple[str, ...],
-    road: tuple[Profile, float],
-    *,
-    measured: bool,
-) -> list[HeldOut]:
-    """The window and its places; nothing where it heard no cell."""
+def _held_out(one: RoadPass, first: int, last: int, fold: int) -> list[HeldOut]:
+    """The window; nothing where it heard no cell."""
     rsrp = one.rsrp_dbm[first : last + 1]
     heard = np.flatnonzero(~np.isnan(rsrp).all(axis=0))
     if len(heard) == 0:
         return []
     travelled_m = one.travelled_m[first : last + 1]
-    along, step_m = road
-    names = tuple(cells[column] for column in heard)
-    query = prepare(names, (), travelled_m, rsrp[:, heard])
-    aim = query.aim(Columns.plain(cells), step_m)
-    values = np.zeros((SCORE + len(aim.factors), 2, along.columns - 2))
-    grid_m = np.arange(along.columns - 2) * step_m
-    for way, sign in enumerate(BOTH):
-        values[SCORE:, way] = align(along, aim, 1, along.columns - 2, sign)
-        values[0, way], values[1, way] = grid_m, step_m
-    signs = np.repeat(np.array(BOTH), len(grid_m))
-    where = np.stack([np.zeros_like(signs), signs])
     true_m = float(one.chainage_m[last])
-    coarser = _thinned(Places(where, values.reshape(len(values), -1)), true_m)
-    places = _finer(coarser, along, aim, query.fine, (true_m, step_m))
-    return [
-        HeldOut(
-            travelled_m - travelled_m[-1],
-            rsrp[:, heard],
-            heard,
-            true_m,
-            one.sign,
-            measured,
-            places,
-        )
-    ]
-
-
-def _thinned(places: Places, true_m: float) -> Places:
-    """Every metre near the truth; farther off, the best place of a block with the block's mass."""
-    away_m = np.abs(places.chainage_m - true_m)
-    close = away_m <= NEAR_TRUTH_M
-    block = np.where(close, 0, 1 + (places.chainage_m / BLOCK_M).astype(int)) * places.sign
-    starts = np.flatnonzero(np.concatenate([[True], (block[1:] != block[:-1]) | close[1:]]))
-    values = places.values[:, starts].copy()
-    ends = np.append(starts[1:], len(places))
-    for column, (start, end) in enumerate(zip(starts.tolist(), ends.tolist(), strict=True)):
-        best = start + int(np.argmax(places.score[start:end]))
-        share = np.exp((places.score[start:end] - places.score[best]) / BLOCK_TEMPERATURE)
-        values[:, column] = places.values[:, best]
-        values[1, column] = float(share @ places.width_m[start:end])
-    kept = values[2] >= values[2].max() - HOPELESS
-    return Places(places.where[:, starts], values).take(kept)
-
-
-def _finer(
-    places: Places, along: Profile, aim: Aim, seen: Evidence, metres: tuple[float, float]
-) -> Places:
-    """The same with the neighbourhood of the truth drawn finer, in both directions."""
-    true_m, step_m = metres
-    close = np.abs(places.chainage_m - true_m) <= FINE_M
-    parts = [places.take(~close)]
-    for sign in BOTH:
-        row = places.take(close & (places.sign == sign) & (places.chainage_m % step_m < 1e-9))
-        if len(row) > 1 and np.allclose(np.diff(row.chainage_m), step_m):
-            row = between(row, bend_along(along, aim, seen, row, step_m), 0.0, step_m)
-        parts.append(row)
-    return Places.join([part for part in parts if len(part)])
+    return [HeldOut(travelled_m - travelled_m[-1], rsrp[:, heard], heard, true_m, one.sign, fold)]

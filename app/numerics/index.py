@@ -26,6 +26,7 @@ from app.numerics.newcomers import Columns, Newcomers
 from app.numerics.observation import Profile, profile
 from app.numerics.offsets import OffsetPrior
 from app.numerics.salient import Salient
+from app.numerics.surroundings import Surroundings
 from app.numerics.tapes import lay_tapes, places_of
 from app.numerics.turns import Grounds, find_turns
 
@@ -103,6 +104,31 @@ class Spot:
         return np.asarray(left + self.share * (plane[..., self.low + 1] - left))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """
+    The models of a map once each has heard what the others know.
+
+    Attributes:
+        models: Of days on which cells were gone (`app.numerics.days`), then of what is heard about
+            them (`app.numerics.surroundings`).
+    """
+
+    models: tuple[RoadModel, ...]
+    newcomers: Newcomers
+    around: Surroundings
+
+
+def told_of_others(models: Sequence[RoadModel]) -> Told:
+    """What a map makes of its roads' models before it lays them out."""
+    days = Days.of(models)
+    alone = [days.tempered(road, one) for road, one in enumerate(models)]
+    newcomers = Newcomers.of(days)
+    around = Surroundings.of(alone, _grids_m(alone), newcomers)
+    told = tuple([around.told(road, one) for road, one in enumerate(alone)])
+    return Told(told, newcomers, around)
+
+
 class MapIndex:
     """A whole map version, immutable after `build`."""
 
@@ -111,7 +137,7 @@ class MapIndex:
         radio_map: RadioMap,
         roads: Sequence[RoadIndex],
         carriers: tuple[str, ...],
-        newcomers: Newcomers,
+        heard: Told,
     ) -> None:
         self.version = radio_map.version
         self.calibration = radio_map.calibration
@@ -124,10 +150,12 @@ class MapIndex:
         self.cells = frozenset().union(*(model.cells for model in radio_map.models))
         self.carrier = {cell: carriers.index(carrier_of(cell)) for cell in self.cells}
         self.carriers = carriers
+        self.newcomers = heard.newcomers
+        self.around = heard.around
         self.atlas = _draw_atlas(radio_map.models)
         self.lines = tuple(model.line for model in radio_map.models)
         self.graph = RoadGraph.of(self.lines)
-        self.tapes = lay_tapes(radio_map.models, carriers, newcomers)
+        self.tapes = lay_tapes(radio_map.models, carriers, heard.newcomers)
         self.acquaintance = Acquaintance.of_all(self.tapes)
         self.coarse_places = places_of(self.tapes)
         self.turns = find_turns(self.graph, _grounds(self), self.tapes)
@@ -143,13 +171,18 @@ class MapIndex:
 
     @classmethod
     def build(cls, radio_map: RadioMap) -> MapIndex:
-        """Lay out a map version for matching; numpy only, some 10 ms a road."""
-        days = Days.of(radio_map.models)
-        models = tuple(days.tempered(road, one) for road, one in enumerate(radio_map.models))
-        radio_map, newcomers = replace(radio_map, models=models), Newcomers.of(days)
+        """Lay out a map version for matching; numpy only, some tens of ms a road."""
+        heard = told_of_others(radio_map.models)
+        models = heard.models
         carriers = carriers_of(sorted({cell for model in models for cell in model.cells}))
-        roads = [_road(number, model, carriers, newcomers) for number, model in enumerate(models)]
-        return cls(radio_map, roads, carriers, newcomers)
+        roads = [
+            _road(number, model, carriers, heard.newcomers) for number, model in enumerate(models)
+        ]
+        return cls(replace(radio_map, models=models), roads, carriers, heard)
+
+    def road_with(self, number: int, model: RoadModel) -> RoadIndex:
+        """One of the roads laid out as if it had this model, the others being what they are."""
+        return _road(number, self.around.told(number, model), self.carriers, self.newcomers)
 
 
 def _grounds(index: MapIndex) -> Grounds:
@@ -199,6 +232,16 @@ def road_profile(
     outside = np.zeros(len(mean), dtype=bool)
     outside[[0, -1]] = True
     return profile(cells, mean, spread, hearing, outside, others)
+
+
+def _grids_m(models: Sequence[RoadModel]) -> list[Floats]:
+    """East and north of every road's grid, in the plane of `Atlas`."""
+    found = []
+    for model, plane_of in zip(models, planes([model.line for model in models]), strict=True):
+        grid_m = np.arange(len(model.mean_dbm)) * model.step_m
+        plane = plane_of.to_xy(_running_on(point_at(model.line, grid_m)))
+        found.append(np.stack((plane.x_m, plane.y_m)))
+    return found
 
 
 def _draw_atlas(models: Sequence[RoadModel]) -> Atlas:

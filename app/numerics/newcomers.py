@@ -136,6 +136,11 @@ class Newcomers:
                 to[alike, road] = on.any() & ~days.on_air[alike][:, on].any(axis=1)
         return cls(days.number, to)
 
+    def cells_to(self, road: int) -> frozenset[str]:
+        """Those that are newcomers to one road."""
+        names = list(self.number)
+        return frozenset(names[at] for at in np.flatnonzero(self.to[:, road]).tolist())
+
     def among(self, roads: Sequence[int], cells: Sequence[str], others: Sequence[str]) -> Laid:
         """
         What of the roads' common profile says nothing.

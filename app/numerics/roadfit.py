@@ -235,6 +235,8 @@ def _assemble(
         passes = work.registration(driven, curves.strength).correct(driven)
         return work.surface(passes, work.curves(passes, curves.strength))
 
+    steps_m = (work.step_m, work.spacing_m)
+    held_out = held_out_evidence(laid.passes, laid.cells, surface, refit, steps_m)
     return RoadModel(
         road_id=road.road_id,
         line=laid.line,
@@ -249,7 +251,8 @@ def _assemble(
         segments=describe_segments(laid.line, edges_m, fitted, parts),
         pass_count=len(laid.passes),
         sample_count=sum(len(one.chainage_m) for one in fit.passes),
-        evidence=held_out_evidence(laid.passes, laid.cells, surface, refit, work.step_m),
+        evidence=held_out.windows,
+        unseen=held_out.unseen,
         heard_on=_heard_on(laid),
     )
 

@@ -13,16 +13,14 @@ import numpy as np
 from app.domain import Calibration, RoadModel, Window
 from app.numerics import native
 from app.numerics.answer import fit_of_place
-from app.numerics.evidence_table import HeldOut, unpack
+from app.numerics.evidence_table import HeldOut
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, shortlist
 from app.numerics.offmap import Fit
 from app.numerics.offsets import OffsetPrior, take_offsets
 from app.numerics.posterior import RESIDUAL, SCORE, VALUES, WEIGHT, Places
 from app.numerics.query import Query, ask, prepare
-
-MOST_WINDOWS = 1500  # a city's are thinned to so many: calibration must not grow with the map
-HOPELESS = 150.0  # a score this far under the best has no mass at any temperature
+from app.numerics.unseen import HOPELESS, Asked
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,18 +49,9 @@ class Trial:
         return calibration.information(self.weight, self.samples)
 
 
-def held_out_windows(models: Sequence[RoadModel]) -> list[tuple[int, HeldOut]]:
-    """Number of the road and window, at most `MOST_WINDOWS`, evenly from all roads."""
-    every = [(number, one) for number, m in enumerate(models) for one in unpack(m.evidence, number)]
-    step = max(1.0, len(every) / MOST_WINDOWS)
-    return [every[int(i * step)] for i in range(min(len(every), MOST_WINDOWS))]
-
-
-def ask_all(
-    index: MapIndex, models: Sequence[RoadModel], windows: Sequence[tuple[int, HeldOut]]
-) -> list[Trial]:
+def ask_all(index: MapIndex, models: Sequence[RoadModel], asked: Sequence[Asked]) -> list[Trial]:
     """Every window in the map; a map of one road has no other roads to offer."""
-    return [_ask(index, models[number], number, truth) for number, truth in windows]
+    return [_ask(index, models[one.road], one) for one in asked]
 
 
 def with_offset(places: Places, prior: OffsetPrior) -> Places:
@@ -81,10 +70,11 @@ def size_of(truth: HeldOut) -> tuple[float, int]:
     return float(weight.sum()), len(weight)
 
 
-def _ask(index: MapIndex, model: RoadModel, number: int, truth: HeldOut) -> Trial:
+def _ask(index: MapIndex, model: RoadModel, one: Asked) -> Trial:
+    number, truth = one.road, one.truth
     names = tuple(model.cells[column] for column in truth.cells.tolist())
     query = ask(index, Window(names, truth.distance_m, truth.rsrp_dbm), in_c=native.BUILT)
-    places = own = with_offset(truth.places, query.prior(index))
+    places = own = with_offset(one.places, query.prior(index))
     if len(index.roads) > 1:
         others = fine_places(index, query, shortlist(index, query, without=number))
         places = Places.join((own, others))

@@ -13,7 +13,8 @@ import sqlalchemy as sa
 from numpy.typing import ArrayLike, NDArray
 from sqlalchemy.engine import Dialect
 
-Stored = Literal["<f4", "<f8", "|b1"]
+Stored = Literal["<f2", "<f4", "<f8", "|b1"]
+F2: Stored = "<f2"
 F4: Stored = "<f4"
 F8: Stored = "<f8"
 B1: Stored = "|b1"

@@ -16,11 +16,12 @@ from sqlalchemy.engine import Connection, Row
 
 from app.domain import FEATURE_KINDS, Curve, Line, RoadModel, Salience, Segment
 from app.store.bounds import bounds_of
-from app.store.columns import B1, F4, F8, pack, unpack, utc_now
+from app.store.columns import B1, F2, F4, F8, pack, unpack, utc_now
 from app.store.days import HeardOn, day_rows, select_days
 from app.store.tables import builds, fits, map_roads, model_cells, model_days, road_models, segments
 
 KINDS = len(FEATURE_KINDS)
+HELD_OUT = ("evidence", "unseen")  # what a serving process leaves in the store
 MOST_BOUND = 500  # values in one IN list: well below every database's limit
 
 
@@ -47,9 +48,9 @@ def load_models(connection: Connection, version: int) -> list[RoadModel]:
     The models of a map version as matching needs them, by road id.
 
     Only blobs are read: the segments carry no curves (their samples are ``mean_dbm``), and
-    ``evidence`` is empty.
+    ``evidence`` and ``unseen`` are empty.
     """
-    columns = [column for column in road_models.c if column.name != "evidence"]
+    columns = [column for column in road_models.c if column.name not in HELD_OUT]
     days = select_days(
         connection, sa.select(map_roads.c.model_id).where(map_roads.c.version == version)
     )
@@ -180,6 +181,8 @@ def _model_values(model: RoadModel) -> dict[str, Any]:
         "heard": pack(model.heard, F4),
         "evidence_columns": model.evidence.shape[1],
         "evidence": pack(model.evidence, F4),
+        "unseen_nodes": model.unseen.shape[2],
+        "unseen": pack(model.unseen, F2),
     }
 
 
@@ -237,7 +240,7 @@ def _cell_rows(model_id: int, model: RoadModel) -> list[dict[str, Any]]:
 
 def _model(row: Row[Any], parts: tuple[Segment, ...], heard_on: HeardOn) -> RoadModel:
     grid = (row.grid_count, row.cell_count)
-    evidence = getattr(row, "evidence", b"")  # a serving process leaves it in the store
+    evidence, unseen = (getattr(row, name, b"") or b"" for name in HELD_OUT)
     return RoadModel(
         road_id=row.road_id,
         line=Line(unpack(row.line_lon, F8), unpack(row.line_lat, F8)),
@@ -255,6 +258,9 @@ def _model(row: Row[Any], parts: tuple[Segment, ...], heard_on: HeardOn) -> Road
         evidence=unpack(evidence, F4).reshape(-1, row.evidence_columns)
         if row.evidence_columns
         else np.zeros((0, 0), dtype=np.float32),
+        unseen=unpack(unseen, F2, -1, 3, row.unseen_nodes, row.cell_count)
+        if row.unseen_nodes and row.cell_count
+        else np.zeros((0, 3, row.unseen_nodes, row.cell_count), dtype=np.float16),
         heard_on=heard_on,
     )
 

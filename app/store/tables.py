@@ -13,7 +13,7 @@ from sqlalchemy import Boolean, Column, Float, ForeignKey, Integer, LargeBinary,
 
 from app.store.columns import UtcMoment
 
-SCHEMA_REVISION = "0006"  # of the newest file in migrations/versions: a start without Alembic
+SCHEMA_REVISION = "0007"  # of the newest file in migrations/versions: a start without Alembic
 
 metadata = sa.MetaData(
     naming_convention={
@@ -151,6 +151,8 @@ road_models = Table(
     Column("heard", LargeBinary, nullable=False),
     Column("evidence_columns", Integer, nullable=False),
     Column("evidence", LargeBinary, nullable=False),
+    Column("unseen_nodes", Integer, nullable=False, server_default="0"),
+    Column("unseen", LargeBinary, nullable=True),
     sa.UniqueConstraint("build_id", "road_id"),  # a road is built once a build, whoever retries
     sqlite_autoincrement=True,  # a model's number is never given to another
 )

@@ -18,7 +18,7 @@ from app.numerics.calibration import (
     _offset_sd_db,
     calibrate,
 )
-from app.numerics.evidence_table import COLUMNS, HeldOut, pack, unpack
+from app.numerics.evidence_table import COLUMNS, DRAWN, HeldOut, pack, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability, off_map_terms
@@ -27,6 +27,7 @@ from app.numerics.posterior import Places
 from app.numerics.query import ask
 from app.numerics.roadfit import fit_road
 from app.numerics.trials import Trial
+from app.numerics.unseen import Asked
 from tests.numerics.cities import city_of, error_m, index_of, models_of
 
 PRIOR = OffsetPrior.learnt(1.0)
@@ -41,7 +42,7 @@ def trial(rng, samples, information, position_sd_m=0.0):
     where = np.stack([np.zeros(400, dtype=np.int64), np.ones(400, dtype=np.int64)])
     zero = np.zeros(400)
     places = Places(where, np.stack([at_m, zero + 1.0, score, zero, zero + 1.0]))
-    truth = HeldOut(np.zeros(1), np.zeros((1, 1)), np.zeros(1, int), true_m, 1, True, places)
+    truth = HeldOut(np.zeros(1), np.zeros((1, 1)), np.zeros(1, int), true_m, 1, 0)
     return Trial(0, truth, places, float(samples), samples, Fit(1.0, 0.0), Fit(0.0, 0.0))
 
 
@@ -52,7 +53,7 @@ def test_information_is_what_the_truths_say():
         trial(rng, samples, 0.5 + 0.1 * samples)
         for samples in rng.choice([1, 4, 10, 40], 1200).tolist()
     ]
-    told = [(0, one.truth) for one in trials]
+    told = [Asked(0, one.truth, one.places) for one in trials]
     sizes = np.array([(one.weight, one.samples) for one in trials])
     once, each, position_sd_m = _most_probable(told, sizes, PRIOR, np.array([400.0]))
     for samples in (4, 10, 40):
@@ -76,7 +77,7 @@ def test_the_spread_of_devices_is_learnt(offset_db):
     for shift_db in rng.normal(0.0, offset_db, 400).tolist():
         one = trial(rng, 100, 10.0)
         one.places.values[3], one.places.values[4] = 100.0 * shift_db, 100.0
-        windows.append(replace(one.truth, places=one.places, chainage_m=200.0))
+        windows.append(Asked(0, replace(one.truth, chainage_m=200.0), one.places))
     assert _offset_sd_db(windows, PRIOR) == pytest.approx(offset_db, rel=0.15)
     nothing = windows[0].places.values.copy()
     nothing[3:] = 0.0  # at its truth the map has none of the window's cells
@@ -87,38 +88,37 @@ def test_the_spread_of_devices_is_learnt(offset_db):
 def test_too_little_evidence_keeps_the_defaults():
     """Fewer windows than say anything leave the calibration as it was written."""
     model = models_of()[0]
-    few = pack(unpack(model.evidence, 0)[: MIN_WINDOWS - 1])
+    few = pack(unpack(model.evidence)[: MIN_WINDOWS - 1])
     assert calibrate([replace(model, evidence=few)]) == Calibration()
 
 
 def test_evidence_is_packed_without_loss():
     """What a model carries is what was held out, to the precision of its numbers."""
-    for number, model in enumerate(models_of()):
+    for model in models_of():
         assert model.evidence.shape[1] == COLUMNS
-        windows = unpack(model.evidence, number)
+        windows = unpack(model.evidence)
         assert len(windows) >= 20
         np.testing.assert_array_equal(pack(windows), model.evidence)
         for one in windows:
             assert one.rsrp_dbm.shape == (len(one.distance_m), len(one.cells))
             assert one.distance_m[-1] == 0.0
-            assert (one.places.road == number).all()
             assert 0.0 <= one.chainage_m <= model.length_m
 
 
 def test_evidence_of_another_layout_is_no_evidence():
     """A table with other columns, from an older version of the code, has no windows."""
-    assert unpack(np.ones((5, COLUMNS + 3), dtype=np.float32), 0) == []
-    assert unpack(np.zeros((0, 0), dtype=np.float32), 0) == []
+    assert unpack(np.ones((5, COLUMNS + 3), dtype=np.float32)) == []
+    assert unpack(np.zeros((0, 0), dtype=np.float32)) == []
 
 
 def test_one_pass_is_no_measurement_of_devices():
     """Evidence of a single pass is drawn from the model and marked so; that of two days is not."""
-    assert not any(one.measured for model in models_of() for one in unpack(model.evidence, 0))
+    assert not any(one.measured for model in models_of() for one in unpack(model.evidence))
     city = city_of("harsh")
     truth = city.roads[0]
     passes = [one for one in survey(city) if one.road_id == truth.road_id]
     model = fit_road(Road(truth.road_id, line=truth.line), passes)
-    assert all(one.measured for one in unpack(model.evidence, 0))
+    assert all(one.measured for one in unpack(model.evidence))
 
 
 def test_off_map_falls_with_the_fit():
@@ -158,7 +158,7 @@ def trials_with_offsets(seed: int, *, measured: bool):
     out = []
     for _ in range(500):
         one = trial(rng, 10, 10.0)
-        truth = replace(one.truth, measured=measured)
+        truth = replace(one.truth, fold=0 if measured else DRAWN)
         on = Fit(0.7 + 0.5 * rng.normal(), 0.4 * rng.normal())
         off = Fit(0.5 * rng.normal(), 7.0 * rng.normal())
         out.append(replace(one, truth=truth, weight=5.0, samples=99, fit=on, stranger_fit=off))

@@ -12,18 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.domain import Calibration, RoadModel, Window
-from app.numerics import coarse, native, stretches
+from app.numerics import carriers, coarse, native, stretches
 from app.numerics.corners import lay, score_turns
-from app.numerics.evidence_table import pack, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import locate
 from app.numerics.offsets import OffsetPrior, take_offsets
-from app.numerics.posterior import RESIDUAL, VALUES
+from app.numerics.posterior import RESIDUAL
 from app.numerics.query import ask
-from app.numerics.trials import held_out_windows
+from app.numerics.unseen import ask_at_home, held_out_windows
 from tests.numerics import plain
 from tests.numerics.cities import models_of
-from tests.numerics.tiny import gentle_models, map_of, tiny_models, window_along
+from tests.numerics.tiny import as_laid, gentle_models, map_of, tiny_models, window_along
 
 built = pytest.mark.skipif(not native.BUILT, reason="installed without a C compiler")
 SEEDS = st.integers(0, 10_000)
@@ -65,11 +64,12 @@ def test_scores_are_the_integral_over_all_offsets(seed, temperature):
     places = stretches.whole_roads(index, ask(index, asked))
     found = plain.readings(asked, set(index.cells))
     sd_db = index.calibration.offset_sd_db
+    laid = as_laid(models)
     warm = ask(index, asked).temperature(index.calibration)
     for at in range(0, len(places), 7):
         road, sign = places.where[:, at].tolist()
         place = round(float(places.chainage_m[at] / models[road].step_m))
-        wanted, _ = plain.marginal(models[road], found, place, sign, sd_db, warm, carriers=True)
+        wanted, _ = plain.marginal(laid[road], found, place, sign, sd_db, warm, carriers=True)
         assert places.score[at] == pytest.approx(wanted, abs=5e-3, rel=2e-5)
 
 
@@ -169,14 +169,16 @@ def test_carriers_round_corners_are_taken_alike_in_c(seed):
     np.testing.assert_allclose(*scores, rtol=1e-5, atol=0.05)
 
 
-def test_held_out_windows_keep_the_sums_of_every_carrier():
-    """Packed and unpacked, a table has a residual and a weight of each."""
-    windows = [one for _, one in held_out_windows(models_of("harsh")[:1])][:3]
-    wide = []
-    for one in windows:
-        values = np.concatenate([one.places.values, one.places.values[RESIDUAL:] + 1.0])
-        places = dataclasses.replace(one.places, values=values.astype(np.float32).astype(float))
-        wide.append(dataclasses.replace(one, places=places))
-    for one, other in zip(wide, unpack(pack(wide), 0), strict=True):
-        assert len(other.places.values) == VALUES + 2
-        np.testing.assert_array_equal(other.places.values, one.places.values)
+def test_held_out_windows_have_the_sums_of_every_carrier():
+    """Asked on their own road, a residual and a weight of each that the window heard."""
+    models = models_of("harsh")[:2]
+    names = {cell: f"{number % 3}:{cell}" for number, cell in enumerate(models[0].cells)}
+    models = tuple(
+        dataclasses.replace(one, cells=tuple(names[cell] for cell in one.cells)) for one in models
+    )
+    index, windows = map_of(models), held_out_windows(models)[::9]
+    for one in ask_at_home(index, models, windows):
+        heard = {carriers.carrier_of(models[one.road].cells[at]) for at in one.truth.cells}
+        assert len(one.places.values) == RESIDUAL + 2 * len(heard)
+        assert (one.places.road == one.road).all()
+        assert (one.places.values[RESIDUAL + 1 :: 2] >= 0.0).all()

@@ -23,7 +23,7 @@ from app.numerics.stretches import whole_roads
 from tests.numerics import plain
 from tests.numerics.cities import models_of
 from tests.numerics.test_corners import corners_of
-from tests.numerics.tiny import gentle_models, map_of, on_days, tiny_models, window_along
+from tests.numerics.tiny import as_laid, gentle_models, map_of, on_days, tiny_models, window_along
 
 DAYS = ("2021-05-08", "2021-05-17", "2021-05-19")
 SHARED = ("2021-05-08",) * 3
@@ -95,9 +95,10 @@ def test_scores_are_the_literal_log_likelihood(seed):
     found = plain.readings(window, set(index.cells))
     places = whole_roads(index, ask(index, window))
     sd_db = index.calibration.offset_sd_db
+    laid = as_laid(models)
     expected = [
         plain.marginal(
-            models[road], found, place, sign, sd_db, new=plain.newcomers(models, models[road])
+            laid[road], found, place, sign, sd_db, new=plain.newcomers(models, models[road])
         )[0]
         for road, along in enumerate(index.roads)
         for sign in (1, -1)

@@ -11,7 +11,7 @@ import pytest
 from app.domain import Calibration, Direction
 from app.numerics.exhaustive import locate_exhaustively
 from tests.numerics import plain
-from tests.numerics.tiny import gentle_models, map_of, window_along
+from tests.numerics.tiny import as_laid, gentle_models, map_of, window_along
 
 SIGN = {1: Direction.FORWARD, -1: Direction.BACKWARD}
 CALIBRATION = Calibration(information_each=1.0 / 3.0, offset_sd_db=2.0)
@@ -19,7 +19,7 @@ CALIBRATION = Calibration(information_each=1.0 / 3.0, offset_sd_db=2.0)
 
 def literal(models, window):
     """Posterior by plain loops: of every grid position, of roads, and of roads and directions."""
-    every = plain.posterior(models, window, CALIBRATION.offset_sd_db, 3.0)
+    every = plain.posterior(as_laid(models), window, CALIBRATION.offset_sd_db, 3.0)
     roads, ways = Counter(), Counter()
     for (road, sign, _), mass in every.items():
         roads[road] += mass
@@ -78,7 +78,7 @@ def test_candidates_are_the_loops_sub_segments(temperature):
     window = window_along(models[0], 3)
     index = map_of(models, replace(CALIBRATION, information_each=1.0 / temperature))
     fix = locate_exhaustively(index, window)
-    every = plain.posterior(models, window, CALIBRATION.offset_sd_db, temperature)
+    every = plain.posterior(as_laid(models), window, CALIBRATION.offset_sd_db, temperature)
     expected = Counter()
     for (road, sign, place), mass in every.items():
         edges_m = index.roads[index.road_ids.index(road)].edges_m

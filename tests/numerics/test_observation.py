@@ -15,7 +15,7 @@ from app.numerics.posterior import RESIDUAL, WEIGHT
 from app.numerics.query import ask
 from app.numerics.stretches import whole_roads
 from tests.numerics import plain
-from tests.numerics.tiny import map_of, tiny_models, window_along
+from tests.numerics.tiny import as_laid, map_of, tiny_models, window_along
 
 ALIKE = np.zeros(3, dtype=np.intp)  # cells of one carrier
 
@@ -55,8 +55,9 @@ def test_scores_are_the_literal_log_likelihood(seed, sign, extra, step_m):
     found = plain.readings(window, set(index.cells))
     places, keys = scored(index, window)
     sd_db = index.calibration.offset_sd_db
+    laid = as_laid(models)
     expected = [
-        plain.marginal(models[number], found, place, way, sd_db)[0] for number, way, place in keys
+        plain.marginal(laid[number], found, place, way, sd_db)[0] for number, way, place in keys
     ]
     np.testing.assert_allclose(places.score, expected, atol=2e-3, rtol=2e-5)
 
@@ -68,9 +69,10 @@ def test_residual_and_weight_are_the_derivatives():
     window = window_along(models[0], 6)
     found = plain.readings(window, set(index.cells))
     places, keys = scored(index, window)
+    laid = as_laid(models)
     for column, (number, sign, place) in enumerate(keys):
         low, here, high = (
-            plain.log_likelihood(models[number], found, place, sign, b) for b in (-1.0, 0.0, 1.0)
+            plain.log_likelihood(laid[number], found, place, sign, b) for b in (-1.0, 0.0, 1.0)
         )
         residual, weight = places.values[RESIDUAL, column], places.values[WEIGHT, column]
         assert residual == pytest.approx((high - low) / 2.0, abs=1e-3)

@@ -14,7 +14,7 @@ from app.numerics.query import ask
 from app.numerics.refinement import AROUND, PARTS, refine
 from app.numerics.stretches import whole_roads
 from tests.numerics import plain
-from tests.numerics.tiny import gentle_models, map_of
+from tests.numerics.tiny import as_laid, gentle_models, map_of
 
 STILL = Calibration(offset_sd_db=0.01)  # a device like the survey's: the offset stays where it is
 
@@ -52,13 +52,14 @@ def test_scores_between_metres_are_those_of_the_straight_curve(sign):
         (fine.road == 0) & (fine.sign == sign) & (np.abs(fine.chainage_m - end) <= AROUND - 1)
     )
     assert len(near) >= PARTS * 2
+    laid = as_laid(models)[0]
     for column in near.tolist():
         place = float(fine.chainage_m[column])
         low = int(np.floor(place + 1e-6))
         shifted = np.array(
-            [between(models[0], max(min(row + place - low, 59.999), 0.0)) for row in range(61)]
+            [between(laid, max(min(row + place - low, 59.999), 0.0)) for row in range(61)]
         )
-        moved = replace(models[0], mean_dbm=shifted[:60].astype(np.float32))
+        moved = replace(laid, mean_dbm=shifted[:60].astype(np.float32))
         score, _ = plain.marginal(moved, found, low, sign, 0.1)
         assert fine.score[column] == pytest.approx(score, abs=0.08)
 

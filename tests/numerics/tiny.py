@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.domain import Calibration, RadioMap, RoadModel, Window
-from app.numerics.index import MapIndex
+from app.numerics.index import MapIndex, told_of_others
 from tests.factories import line_at, model_of
 
 
@@ -38,6 +38,11 @@ def on_days(models: tuple[RoadModel, ...], *days: str) -> tuple[RoadModel, ...]:
 
 def map_of(models: tuple[RoadModel, ...], calibration: Calibration | None = None) -> MapIndex:
     return MapIndex.build(RadioMap(3, models, calibration or Calibration()))
+
+
+def as_laid(models: tuple[RoadModel, ...]) -> tuple[RoadModel, ...]:
+    """The models as a map of them has them: what days and surroundings say is in them."""
+    return told_of_others(models).models
 
 
 def window_along(

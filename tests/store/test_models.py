@@ -16,7 +16,7 @@ from app.store.records import Bounds
 from app.store.tables import map_versions
 from tests.factories import CELLS, line_at, model_of
 
-ARRAYS = ("mean_dbm", "spread_db", "heard", "features", "evidence")
+ARRAYS = ("mean_dbm", "spread_db", "heard", "features", "evidence", "unseen")
 CALIBRATION = Calibration(0.3, 0.05, reliability=Reliability(9, curve=((0.9, 1.0, 9),), ece=0.1))
 
 
@@ -102,10 +102,11 @@ def test_a_served_model_is_the_built_one_without_curves_and_evidence(engine, bui
     assert not any("fits" in statement or "FROM segments" in statement for statement in said)
     assert [model.road_id for model in served] == ["r1", "r2"]
     for found, model in zip(served, reversed(built), strict=True):
-        for name in ARRAYS[:-1]:
+        for name in ARRAYS[:-2]:
             np.testing.assert_array_equal(getattr(found, name), getattr(model, name))
         assert_same_days(found, model)
         assert found.evidence.shape == (0, model.evidence.shape[1])
+        assert found.unseen.shape == (0, *model.unseen.shape[1:])
         for one, other in zip(found.segments, model.segments, strict=True):
             assert_same_segment(one, other)
             assert one.curves == ()
@@ -123,6 +124,7 @@ def test_a_calibration_reads_the_evidence(engine, build_id):
     assert [model.road_id for model in found] == ["r1", "r2"]
     for model in found:
         np.testing.assert_array_equal(model.evidence, built[model.road_id].evidence)
+        np.testing.assert_array_equal(model.unseen, built[model.road_id].unseen)
         assert_same_days(model, built[model.road_id])
 
 
