@@ -55,7 +55,10 @@ class ExplainedSamples(BaseModel):
         description="Of the device and each cell's carrier, taken out of the levels at both places."
     )
     residual_db: Matrix = Field(description="null: not heard, or not mapped there.")
-    expected_dbm: Matrix = Field(description="Level on the fitted curve; null: not mapped there.")
+    expected_dbm: Matrix = Field(
+        description="Level on the fitted curve, or, where the road lacks the cell, of the roads "
+        "about it; null: not mapped there."
+    )
     spread_db: Matrix = Field(description="Standard deviation of a new reading about it.")
     hearing: Matrix = Field(description="Probability of hearing the cell; null: beyond the road.")
 
