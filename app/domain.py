@@ -97,11 +97,7 @@ class Salience:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """
-    B-spline of one cell's RSRP in chainage over one sub-segment.
-
-    ``scipy.interpolate.BSpline(knots_m, coefficients_dbm, degree)`` gives dBm at a chainage.
-    """
+    """B-spline of one cell's RSRP over a sub-segment: scipy's, from chainage in metres to dBm."""
 
     cell: str
     knots_m: Float[np.ndarray, " knots"]
@@ -138,12 +134,12 @@ class RoadModel:
 
     Attributes:
         mean_dbm: Expected RSRP. Shape ``(grid, cells)``, float32; NaN where the cell is not mapped.
-        spread_db: Standard deviation of a new sample about ``mean_dbm``, same shape, float32.
+        spread_db: Standard deviation of a new sample about it, same shape, float32.
         heard: Probability that a sample of its carrier hears the cell, mapped or not, same shape.
         heard_on: Cells heard on each survey day (ISO date, or ``""``), shape ``(cells,)`` each.
         features: The road-scale features (Eq. 3). Shape ``(5, cells)``.
-        evidence, unseen: Windows of its passes (`app.numerics.evidence_table`), float32, and the
-            grid arrays without the passes of each fold, at nodes, float16.
+        evidence: Windows of its passes, see `app.numerics.evidence_table`; float32.
+        unseen: The grid arrays without the passes of each fold, at nodes; float16.
     """
 
     road_id: str
