@@ -91,25 +91,24 @@ def follow(
     index: MapIndex, drive: Drive, length_m: float, step_m: float
 ) -> Iterator[tuple[Row, Row, Row]]:
     """Rows alone, tracked and whole of each window of a drive but the first."""
-    belief, before = None, 0
+    kept, before = None, 0
     for last, one in windows(drive, length_m, step_m):
         started = time.perf_counter()
         fix = matching.locate(index, one.window)
         alone_s = time.perf_counter() - started
         started = time.perf_counter()
-        if belief is None:
-            belief = tracking.begin(index, one.window).belief
+        if kept is None:
+            kept = tracking.begin(index, one.window)
         else:
             since_m = float(drive.travelled_m[last] - drive.travelled_m[before])
-            tracked = tracking.follow(index, one.window, belief, since_m)
+            kept = tracking.follow(index, one.window, kept.belief, since_m, heard=kept.heard)
             tracked_s = time.perf_counter() - started
-            belief = tracked.belief
             started = time.perf_counter()
             whole = matching.locate(index, window_of(drive, 0, last).window)
             whole_s = time.perf_counter() - started
             yield (
                 Row.of(fix, one.truth, alone_s),
-                Row.of(tracked.fix, one.truth, tracked_s),
+                Row.of(kept.fix, one.truth, tracked_s),
                 Row.of(whole, one.truth, whole_s),
             )
         before = last

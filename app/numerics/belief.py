@@ -8,7 +8,7 @@ place: anywhere on the map, from which a lost track recovers, and off the map.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -50,6 +50,12 @@ class Belief:
     modes: tuple[Mode, ...]
     anywhere: float
     off_map: float
+
+    def with_off_map(self, off_map: float) -> Belief:
+        """Another probability of being off the map, the rest shared as it was."""
+        share = (1.0 - off_map) / max(1.0 - self.off_map, 1e-12)
+        modes = tuple([replace(mode, weight=mode.weight * share) for mode in self.modes])
+        return Belief(modes, self.anywhere * share, off_map)
 
 
 def condense(places: Places, mass: Float[np.ndarray, " places"], off_map: float) -> Belief:

@@ -5,6 +5,9 @@ Predict: the belief moves by the travelled distance (`app.numerics.motion`). Upd
 prior is what the moved belief says of it, its likelihood that of the readings which are new.
 Condense: the posterior becomes a few modes again (`app.numerics.belief`). Nothing is kept here; the
 belief goes with the caller.
+
+For its first `LONGEST_M`, while it has not turned, a track is one window: its readings go with the
+caller, too, and are asked together, since a long window knows what short ones have in common.
 """
 
 from __future__ import annotations
@@ -26,21 +29,28 @@ from app.numerics.observation import CORRELATION_M
 from app.numerics.offmap import Fit, off_map_probability
 from app.numerics.paths import places_round, turns_within
 from app.numerics.posterior import SCORE, Places, masses
-from app.numerics.query import Query, ask
+from app.numerics.query import LONGEST_M, Query, ask
 from app.numerics.refinement import refine
 
 MOST_TURNS = 12  # windows are laid round this many corners at most, the likeliest ones
 MOST_SAID = 12.0  # nats that one window may say against a place: 1 in 160,000
 NEWS = 0.4  # of what a later window says: it has its device and its day in common with those before
+TURNED_M = 30.0  # an answer so near to where a branch has turned to has turned
 OFF_MAP_BOUNDS = (0.002, 0.2)  # what a track may say of being off the map before it listens
 
 
 @dataclass(frozen=True, slots=True)
 class Tracked:
-    """A fix, and what it leaves to the next window."""
+    """
+    A fix, and what it leaves to the next window.
+
+    Attributes:
+        heard: All readings since the track began, while they are asked together; else None.
+    """
 
     fix: Fix
     belief: Belief
+    heard: Window | None = None
 
 
 def begin(
@@ -50,7 +60,8 @@ def begin(
     query = ask(index, window, in_c=in_c)
     placed = place(index, query)
     fix = answer(index, query, placed.places, confidence, placed.log_prior)
-    return Tracked(fix, _belief(index, query, placed.places, fix.off_map_posterior))
+    belief = _belief(index, query, placed.places, fix.off_map_posterior)
+    return Tracked(fix, belief, window if query.samples == len(window.distance_m) else None)
 
 
 def follow(
@@ -59,6 +70,7 @@ def follow(
     belief: Belief,
     travelled_m: float,
     *,
+    heard: Window | None = None,
     confidence: float = 0.68,
     in_c: bool = native.BUILT,
 ) -> Tracked:
@@ -66,12 +78,35 @@ def follow(
     A later window of a track.
 
     Args:
-        belief: What the window before left.
+        belief, heard: What the window before left.
         travelled_m: From that window's last sample to this one's. Readings farther back than this
             were heard already and count no second time.
     """
     predicted = predict(index, belief, travelled_m)
     recent = _unheard(window, travelled_m)
+    filtered = _filtered(index, recent, belief, predicted, travelled_m, (confidence, in_c))
+    if travelled_m <= 0:
+        return replace(filtered, heard=heard)
+    if heard is None or _turned(index, belief, predicted, filtered.fix):
+        return filtered
+    joined = _joined(heard, recent, travelled_m)
+    if joined.distance_m[-1] - joined.distance_m[0] > LONGEST_M:
+        return filtered
+    whole = begin(index, joined, confidence=confidence, in_c=in_c)
+    off_map = filtered.fix.off_map_posterior
+    return Tracked(_with_off_map(whole.fix, off_map), whole.belief.with_off_map(off_map), joined)
+
+
+def _filtered(
+    index: MapIndex,
+    recent: Window,
+    belief: Belief,
+    predicted: Predicted,
+    travelled_m: float,
+    asked: tuple[float, bool],
+) -> Tracked:
+    """What the new readings make of the belief; ``asked`` is the confidence, and whether in C."""
+    confidence, in_c = asked
     query = ask(index, recent, in_c=in_c)
     temperature = query.temperature(index.calibration)
     trust = _trust(index, query, travelled_m)
@@ -91,6 +126,31 @@ def follow(
     off_map = _off_map(index, query, fit, predicted.off_map, trust)
     learnt = _belief(index, query, places, off_map) if travelled_m > 0 else belief
     return Tracked(_with_off_map(fix, off_map), learnt)
+
+
+def _joined(heard: Window, recent: Window, travelled_m: float) -> Window:
+    """The readings before and the new ones, as one window that ends at 0."""
+    cells = tuple(dict.fromkeys((*heard.cells, *recent.cells)))
+    column = {cell: at for at, cell in enumerate(cells)}
+    parts = []
+    for one in (heard, recent):
+        rsrp_dbm = np.full((len(one.distance_m), len(cells)), np.nan)
+        rsrp_dbm[:, [column[cell] for cell in one.cells]] = one.rsrp_dbm
+        parts.append(rsrp_dbm)
+    before_m = heard.distance_m - heard.distance_m[-1] - travelled_m
+    new_m = recent.distance_m - recent.distance_m[-1]
+    return Window(cells, np.concatenate((before_m, new_m)), np.concatenate(parts))
+
+
+def _turned(index: MapIndex, belief: Belief, predicted: Predicted, fix: Fix) -> bool:
+    """Whether the fix lies where a branch has turned to, off the road that was likeliest before."""
+    road = index.road_ids.index(fix.road_id)
+    if belief.modes and belief.modes[0].road == road:
+        return False
+    return any(
+        one.legs and one.mode.road == road and abs(one.mode.chainage_m - fix.chainage_m) <= TURNED_M
+        for one in predicted.branches
+    )
 
 
 def _unheard(window: Window, travelled_m: float) -> Window:

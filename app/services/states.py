@@ -1,7 +1,8 @@
 """
 A track as its client keeps it: a short signed text that only this service can have made.
 
-Laid out as little-endian numbers behind a format byte, signed with HMAC-SHA256, in URL-safe base64.
+Laid out as little-endian numbers behind a format byte, the readings of a young track behind them,
+signed with HMAC-SHA256, in URL-safe base64.
 It is signed, not sealed: who has it can read where the vehicle may be, so it is to be kept like a
 position. Roads stand by their ids and places by their coordinates too, so that a state outlives a
 new map version.
@@ -14,16 +15,23 @@ import binascii
 import hashlib
 import hmac
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from app.domain import Window
 from app.errors import Fault, InvalidInput
 
-FORMAT = 1
+FORMAT = 2
 TAG_BYTES = 16
 PURPOSE = b"roadprint state "
 MAX_STATE_CHARACTERS = 65_536  # 64 modes on as many roads with the longest ids: some 46,000
+MOST_HEARD_BYTES = 14_000  # of readings kept, packed; beside the modes, below the most characters
+CENTI = 100.0  # readings are kept as whole hundredths of a dB
+NOT_HEARD = -32768
 MICRO = 1e7  # degrees are kept as whole ten-millionths, some 1 cm
 
 _HEAD = struct.Struct("<BIff")
@@ -74,6 +82,7 @@ class KeptTrack:
     off_map: float
     mark: Mark
     modes: tuple[KeptMode, ...]
+    heard: Window | None = None
 
 
 def seal(track: KeptTrack, key: bytes) -> str:
@@ -140,8 +149,41 @@ def _packed(track: KeptTrack) -> bytes:
             )
             for mode in track.modes
         ),
+        _packed_window(track.heard),
     ]
     return b"".join(parts)
+
+
+def _packed_window(heard: Window | None) -> bytes:
+    """Readings since the track began; nothing where there are none, or too many to carry."""
+    if heard is None:
+        return b""
+    names = [cell.encode() for cell in heard.cells]
+    centi = np.where(np.isnan(heard.rsrp_dbm), NOT_HEARD / CENTI, heard.rsrp_dbm) * CENTI
+    parts = [
+        struct.pack("<HH", len(names), len(heard.distance_m)),
+        *(struct.pack("<H", len(name)) + name for name in names),
+        (heard.distance_m - heard.distance_m[-1]).astype("<f4").tobytes(),
+        np.rint(centi).astype("<i2").tobytes(),
+    ]
+    packed = zlib.compress(b"".join(parts))
+    return packed if len(packed) <= MOST_HEARD_BYTES else b""
+
+
+def _unpacked_window(packed: bytes) -> Window | None:
+    if not packed:
+        return None
+    raw = zlib.decompress(packed)
+    cell_count, samples = struct.unpack_from("<HH", raw)
+    at, cells = 4, []
+    for _ in range(cell_count):
+        (length,) = struct.unpack_from("<H", raw, at)
+        cells.append(raw[at + 2 : at + 2 + length].decode())
+        at += 2 + length
+    distance_m = np.frombuffer(raw, "<f4", samples, at).astype(float)
+    centi = np.frombuffer(raw, "<i2", samples * cell_count, at + 4 * samples)
+    rsrp_dbm = np.where(centi == NOT_HEARD, np.nan, centi / CENTI).reshape(samples, cell_count)
+    return Window(tuple(cells), distance_m, rsrp_dbm)
 
 
 def _unpacked(payload: bytes) -> KeptTrack:
@@ -154,10 +196,16 @@ def _unpacked(payload: bytes) -> KeptTrack:
         (length,) = struct.unpack_from("<H", payload, at)
         road_ids.append(payload[at + 2 : at + 2 + length].decode())
         at += 2 + length
-    modes = tuple(_modes(payload[at + 1 :], road_ids))
+    end = at + 1 + payload[at] * _MODE.size
+    modes = tuple(_modes(payload[at + 1 : end], road_ids))
     told: ClockKind = "m" if kind == b"m" else "s" if kind == b"s" else ""
     return KeptTrack(
-        map_version, anywhere, off_map, Mark(told, first, last, first_print, last_print), modes
+        map_version,
+        anywhere,
+        off_map,
+        Mark(told, first, last, first_print, last_print),
+        modes,
+        _unpacked_window(payload[end:]),
     )
 
 

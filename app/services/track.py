@@ -14,6 +14,7 @@ from app.numerics import tracking
 from app.numerics.belief import Belief, Mode
 from app.numerics.index import MapIndex
 from app.numerics.lines import headings_deg, point_at, project
+from app.numerics.tracking import Tracked
 from app.services.states import ClockKind, KeptMode, KeptTrack, Mark, seal, unseal
 
 MOVED_ROAD_M = 50.0  # a road that a new map draws farther away than this is another road
@@ -68,9 +69,10 @@ def locate_tracked(
             window,
             _belief(index, kept),
             travelled_m(kept.mark, mark, window, way),
+            heard=kept.heard,
             confidence=confidence,
         )
-    return TrackedFix(tracked.fix, seal(_kept(index, tracked.belief, mark), key))
+    return TrackedFix(tracked.fix, seal(_kept(index, tracked, mark), key))
 
 
 def travelled_m(before: Mark, mark: Mark, window: Window, way: Way) -> float:
@@ -118,9 +120,10 @@ def _print(window: Window, sample: int) -> int:
     return int.from_bytes(digest, "little")
 
 
-def _kept(index: MapIndex, belief: Belief, mark: Mark) -> KeptTrack:
+def _kept(index: MapIndex, tracked: Tracked, mark: Mark) -> KeptTrack:
+    belief = tracked.belief
     modes = tuple(_kept_mode(index, mode) for mode in belief.modes)
-    return KeptTrack(index.version, belief.anywhere, belief.off_map, mark, modes)
+    return KeptTrack(index.version, belief.anywhere, belief.off_map, mark, modes, tracked.heard)
 
 
 def _kept_mode(index: MapIndex, mode: Mode) -> KeptMode:

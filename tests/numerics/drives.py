@@ -125,8 +125,8 @@ def follow_tour(
         if steps:
             before = steps[-1]
             since_m = float(tour.travelled_m[last] - tour.travelled_m[before.last])
-            belief = before.tracked.belief
-            tracked = tracking.follow(index, window, belief, since_m, in_c=in_c)
+            belief, heard = before.tracked.belief, before.tracked.heard
+            tracked = tracking.follow(index, window, belief, since_m, heard=heard, in_c=in_c)
         else:
             tracked = tracking.begin(index, window, in_c=in_c)
         leg = tour.legs[tour.leg[last]]
