@@ -35,6 +35,7 @@ from app.numerics.refinement import refine
 MOST_TURNS = 12  # windows are laid round this many corners at most, the likeliest ones
 MOST_SAID = 12.0  # nats that one window may say against a place: 1 in 160,000
 NEWS = 0.4  # of what a later window says: it has its device and its day in common with those before
+FITS_NOWHERE = 0.5  # chance of being off the map from which a track is not asked as one window
 TURNED_M = 30.0  # an answer so near to where a branch has turned to has turned
 OFF_MAP_BOUNDS = (0.002, 0.2)  # what a track may say of being off the map before it listens
 
@@ -93,6 +94,8 @@ def follow(
     if joined.distance_m[-1] - joined.distance_m[0] > LONGEST_M:
         return filtered
     whole = begin(index, joined, confidence=confidence, in_c=in_c)
+    if whole.fix.off_map_posterior > FITS_NOWHERE:  # driven some other way than along one road
+        return replace(filtered, heard=joined)
     off_map = filtered.fix.off_map_posterior
     return Tracked(_with_off_map(whole.fix, off_map), whole.belief.with_off_map(off_map), joined)
 

@@ -30,6 +30,7 @@ TAG_BYTES = 16
 PURPOSE = b"roadprint state "
 MAX_STATE_CHARACTERS = 65_536  # 64 modes on as many roads with the longest ids: some 46,000
 MOST_HEARD_BYTES = 14_000  # of readings kept, packed; beside the modes, below the most characters
+MOST_HEARD_SAMPLES = 10_000
 CENTI = 100.0  # readings are kept as whole hundredths of a dB
 NOT_HEARD = -32768
 MICRO = 1e7  # degrees are kept as whole ten-millionths, some 1 cm
@@ -156,7 +157,7 @@ def _packed(track: KeptTrack) -> bytes:
 
 def _packed_window(heard: Window | None) -> bytes:
     """Readings since the track began; nothing where there are none, or too many to carry."""
-    if heard is None:
+    if heard is None or len(heard.distance_m) > MOST_HEARD_SAMPLES:
         return b""
     names = [cell.encode() for cell in heard.cells]
     centi = np.where(np.isnan(heard.rsrp_dbm), NOT_HEARD / CENTI, heard.rsrp_dbm) * CENTI

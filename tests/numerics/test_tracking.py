@@ -153,6 +153,43 @@ def test_an_unlikely_long_gap_begins_anew():
     assert anew.fix.chainage_m == pytest.approx(alone.chainage_m, abs=1.0)
 
 
+def test_a_young_track_is_asked_as_one_window():
+    """Until 400 m its fix is that of all readings so far; only being off the map is the track's."""
+    index = index_of(cells=2)
+    for tour in list(sides(2))[:3]:
+        steps = follow_tour(index, tour, length_m=30.0, step_m=30.0)
+        joined = [step for step in steps[1:] if step.tracked.heard is not None]
+        assert len(joined) >= 8
+        for step in joined:
+            whole = matching.locate(index, tour.window(0, step.last), in_c=False)
+            if whole.off_map_posterior <= tracking.FITS_NOWHERE:
+                assert step.tracked.fix.road_id == whole.road_id
+                assert step.tracked.fix.chainage_m == pytest.approx(whole.chainage_m, abs=1e-6)
+                assert step.tracked.fix.samples_used == whole.samples_used
+            assert total(step.tracked) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_an_old_track_carries_no_readings():
+    """Beyond 400 m, and round a corner that it has seen, the belief alone goes on."""
+    index, city = index_of(cells=6), city_of(cells=6)
+    tour = tour_of(city, Leg("road-south", 150.0, 400.0), Leg("road-east", 0.0, 350.0))
+    steps = follow_tour(index, tour, length_m=30.0, step_m=30.0)
+    after_corner = [one for one in steps if tour.travelled_m[one.last] > 320.0]
+    assert all(one.tracked.heard is None for one in after_corner)
+    assert all(one.right for one in after_corner)
+    assert all(one.tracked.heard is not None for one in steps if tour.travelled_m[one.last] < 240.0)
+
+
+def test_a_standing_car_keeps_its_readings():
+    """Without a metre more nothing is heard twice, and what the track carries stays."""
+    index = index_of(cells=6)
+    window = next(sides(6)).window(100, 130)
+    first = tracking.begin(index, window, in_c=False)
+    again = tracking.follow(index, window, first.belief, 0.0, heard=first.heard, in_c=False)
+    assert again.heard is first.heard
+    assert again.belief == first.belief
+
+
 def test_the_order_of_the_cells_moves_nothing():
     """Nor does it move what is left to the next window."""
     index = index_of(cells=6)
@@ -163,8 +200,9 @@ def test_the_order_of_the_cells_moves_nothing():
     for last in (60, 90):
         window = tour.window(last - 30, last)
         shuffled = Window(cells, window.distance_m, window.rsrp_dbm[:, order])
-        one = tracking.follow(index, window, plain.belief, 30.0, in_c=False)
-        other = tracking.follow(index, shuffled, plain.belief, 30.0, in_c=False)
+        heard = {"heard": plain.heard} if last == 60 else {}
+        one = tracking.follow(index, window, plain.belief, 30.0, in_c=False, **heard)
+        other = tracking.follow(index, shuffled, plain.belief, 30.0, in_c=False, **heard)
         assert other.fix.chainage_m == pytest.approx(one.fix.chainage_m, abs=1e-6)
         assert other.fix.road_posterior == pytest.approx(one.fix.road_posterior, abs=1e-9)
 

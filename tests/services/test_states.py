@@ -6,6 +6,7 @@ import base64
 import hashlib
 import hmac
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from app.domain import Calibration, Line, RadioMap, Window
 from app.errors import InvalidInput
 from app.numerics.belief import Belief, Mode
 from app.numerics.index import MapIndex
+from app.numerics.matching import locate as located
+from app.numerics.tracking import Tracked, begin, follow
 from app.services.states import (
     FORMAT,
     MAX_STATE_CHARACTERS,
@@ -142,6 +145,49 @@ def test_the_largest_state_is_accepted():
     assert unseal(state, KEY).modes == modes
 
 
+@given(st.integers(0, 10_000), st.integers(1, 60), st.integers(0, 30))
+def test_the_readings_of_a_young_track_come_back(seed: int, samples: int, cells: int):
+    """To a hundredth of a decibel, what was not heard not heard, the last sample at 0."""
+    rng = np.random.default_rng(seed)
+    rsrp_dbm = rng.uniform(-140.0, -44.0, (samples, cells))
+    rsrp_dbm[rng.random(rsrp_dbm.shape) < 0.6] = np.nan
+    names = tuple(f"{number}:\u00e4{number}" for number in range(cells))
+    heard = Window(names, np.cumsum(rng.uniform(0.0, 9.0, samples)), rsrp_dbm)
+    back = unseal(seal(replace(track_of(), heard=heard), KEY), KEY)
+    assert back.modes == track_of().modes
+    assert back.heard is not None
+    assert back.heard.cells == names
+    wanted_m = heard.distance_m - heard.distance_m[-1]
+    np.testing.assert_allclose(back.heard.distance_m, wanted_m, atol=1e-4)
+    np.testing.assert_allclose(back.heard.rsrp_dbm, rsrp_dbm, atol=0.0051)
+
+
+def test_more_readings_than_a_state_may_carry_are_left_behind():
+    """The track goes on by its belief alone, and the state stays below its most characters."""
+    rng = np.random.default_rng(1)
+    rsrp_dbm = rng.uniform(-140.0, -44.0, (400, 60))
+    heard = Window(tuple(map(str, range(60))), np.arange(400.0), rsrp_dbm)
+    state = seal(replace(track_of(64), heard=heard), KEY)
+    assert len(state) < MAX_STATE_CHARACTERS
+    assert unseal(state, KEY).heard is None
+
+
+def test_a_state_carries_what_the_next_window_needs():
+    """Over two requests the answers are those of the tracker that has its belief in memory."""
+    index = index_of(("south", line_at(0.0)), ("north", line_at(40.0)))
+    first, second = window_at(TEN, 3), window_at(TEN, 4)
+    told = locate_tracked(index, first, way_of(TEN.tolist()), None, KEY, 0.68)
+    then = locate_tracked(
+        index, second, way_of((TEN + 110.0).tolist(), travelled_m=110.0), told.state, KEY, 0.68
+    )
+    begun = begin(index, first)
+    wanted = follow(index, second, begun.belief, 110.0, heard=begun.heard)
+    assert wanted.heard is not None
+    assert (then.fix.road_id, then.fix.direction) == (wanted.fix.road_id, wanted.fix.direction)
+    assert then.fix.chainage_m == pytest.approx(wanted.fix.chainage_m, abs=0.05)
+    assert then.fix.samples_used == wanted.fix.samples_used
+
+
 def test_a_state_of_an_older_format_says_so():
     """Rightly signed, but laid out by an earlier version of the service."""
     payload = bytes([FORMAT - 1]) + b"\0" * 50
@@ -205,7 +251,8 @@ def begun_at(index: MapIndex, road_id: str, chainage_m: float, sign: int = 1) ->
     """A state that is sure of a place, as the index's version would give it out."""
     mode = Mode(index.road_ids.index(road_id), sign, chainage_m, 2.0, 0.95)
     mark = Mark("m", -20.0, 0.0, 0, 0)
-    return seal(_kept(index, Belief((mode,), 0.03, 0.02), mark), KEY)
+    tracked = Tracked(located(index, window_at(TEN)), Belief((mode,), 0.03, 0.02))
+    return seal(_kept(index, tracked, mark), KEY)
 
 
 def test_a_state_outlives_a_new_map_version():
