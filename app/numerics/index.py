@@ -18,10 +18,10 @@ from app.domain import Calibration, RadioMap, RoadModel
 from app.numerics.acquaintance import Acquaintance
 from app.numerics.carriers import carrier_of, carriers_of
 from app.numerics.days import Days
-from app.numerics.geodesy import Floats, LonLat
+from app.numerics.geodesy import XY, Floats, LonLat
 from app.numerics.graph import RoadGraph
 from app.numerics.lines import headings_deg, point_at
-from app.numerics.neighbourhoods import planes
+from app.numerics.neighbourhoods import Plane, planes
 from app.numerics.newcomers import Columns, Newcomers
 from app.numerics.observation import Profile, profile
 from app.numerics.offsets import OffsetPrior
@@ -124,7 +124,8 @@ def told_of_others(models: Sequence[RoadModel]) -> Told:
     days = Days.of(models)
     alone = [days.tempered(road, one) for road, one in enumerate(models)]
     newcomers = Newcomers.of(days)
-    around = Surroundings.of(alone, _grids_m(alone), newcomers)
+    where_m = [np.stack((grid.plane.x_m, grid.plane.y_m)) for grid in _grids(alone)]
+    around = Surroundings.of(alone, where_m, newcomers)
     told = tuple([around.told(road, one) for road, one in enumerate(alone)])
     return Told(told, newcomers, around)
 
@@ -234,27 +235,35 @@ def road_profile(
     return profile(cells, mean, spread, hearing, outside, others)
 
 
-def _grids_m(models: Sequence[RoadModel]) -> list[Floats]:
-    """East and north of every road's grid, in the plane of `Atlas`."""
-    found = []
-    for model, plane_of in zip(models, planes([model.line for model in models]), strict=True):
-        grid_m = np.arange(len(model.mean_dbm)) * model.step_m
-        plane = plane_of.to_xy(_running_on(point_at(model.line, grid_m)))
-        found.append(np.stack((plane.x_m, plane.y_m)))
-    return found
+@dataclass(frozen=True, slots=True, eq=False)
+class _Grid:
+    """Where a road's grid lies: chainages, degrees, and metres in the plane of `Atlas`."""
+
+    at_m: Floats
+    where: LonLat
+    plane: XY
+
+
+def _grid(model: RoadModel, plane: Plane) -> _Grid:
+    at_m = np.arange(len(model.mean_dbm), dtype=np.float64) * model.step_m
+    where = _running_on(point_at(model.line, at_m))
+    return _Grid(at_m, where, plane.to_xy(where))
+
+
+def _grids(models: Sequence[RoadModel]) -> list[_Grid]:
+    found = planes([model.line for model in models])
+    return [_grid(model, plane) for model, plane in zip(models, found, strict=True)]
 
 
 def _draw_atlas(models: Sequence[RoadModel]) -> Atlas:
     sizes = np.array([len(model.mean_dbm) for model in models], dtype=np.intp)
     edges = [_edges_m(model) for model in models]
     columns: list[list[Floats]] = []
-    for model, plane_of in zip(models, planes([model.line for model in models]), strict=True):
-        grid_m = np.arange(len(model.mean_dbm)) * model.step_m
-        where = _running_on(point_at(model.line, grid_m))
-        plane = plane_of.to_xy(where)
+    for model, grid in zip(models, _grids(models), strict=True):
         inner_m = np.array([segment.start_m for segment in model.segments[1:]])
-        segment = np.searchsorted(inner_m, grid_m, side="right").astype(float)
-        heading = headings_deg(model.line, grid_m)
+        segment = np.searchsorted(inner_m, grid.at_m, side="right").astype(float)
+        heading = headings_deg(model.line, grid.at_m)
+        where, plane = grid.where, grid.plane
         columns.append([plane.x_m, plane.y_m, where.lon, where.lat, heading, segment])
     drawn = [np.concatenate([c[i] for c in columns]) if columns else np.zeros(0) for i in range(6)]
     return Atlas(

@@ -113,7 +113,7 @@ def profile(
         precision,
         precision * level_db,
         precision * level_db**2 + np.where(mapped, normaliser, 0.0),
-        np.where(road, _logit(chance), 0.0),
+        np.where(road, logit(chance), 0.0),
         np.where(road, silence[:, carrier], 0.0),
     ]
     columns, count = mean_dbm.shape
@@ -122,7 +122,7 @@ def profile(
     for term, values in enumerate(terms):
         rows[term : TERMS * count : TERMS] = values.T
     unknown = np.full((columns, stand_ins - strange.shape[1]), carriers.NOTHING_KNOWN)
-    logits = _logit(np.concatenate((strange, unknown), axis=1))
+    logits = logit(np.concatenate((strange, unknown), axis=1))
     rows[TERMS * count + 3 : -1 : TERMS] = np.where(road, logits, 0.0).T
     rows[TERMS * count + 4 : TERMS * (count + strange.shape[1]) : TERMS] = np.where(
         road, silence, 0.0
@@ -135,7 +135,8 @@ def profile(
     return Profile(rows, bend)
 
 
-def _logit(chance: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+def logit(chance: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Log odds of chances."""
     return np.asarray(np.log(chance) - np.log1p(-chance))
 
 

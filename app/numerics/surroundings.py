@@ -22,7 +22,7 @@ from app.domain import RoadModel, Salience
 from app.numerics.carriers import NOTHING_KNOWN, carrier_of, carriers_of, numbers, unmapped_chance
 from app.numerics.geodesy import Floats
 from app.numerics.newcomers import Newcomers
-from app.numerics.observation import HEARD_FLOOR
+from app.numerics.observation import HEARD_FLOOR, logit
 
 STATION_M = 8.0  # between the places of a road that tell, and are told
 REACH_M = 50.0  # what a place says of another falls by e over so many metres
@@ -145,7 +145,7 @@ class Surroundings:
         mean_dbm, spread_db = np.full((2, *mapped.shape), np.nan)
         mean_dbm[:, :own], spread_db[:, :own] = model.mean_dbm, model.spread_db
         alone = _chance(model, around.cells)
-        moved = 1.0 / (1.0 + np.exp(-_logit(alone) - place.of(around.pull)))
+        moved = 1.0 / (1.0 + np.exp(-logit(alone) - place.of(around.pull)))
         return _with_cells(
             model,
             around.cells,
@@ -168,7 +168,7 @@ class Surroundings:
         often = (sums.heard > LEAST_HEARD * sums.tried) & (sums.heard > 0.0)
         kept = np.flatnonzero((np.arange(len(cells)) < len(own.cells)) | often.any(axis=0))
         share = (sums.heard + DOUBT * USUAL) / (sums.tried + DOUBT)
-        pull = PULL * (_logit(np.clip(share, SURE, 1.0 - SURE)) - _logit(np.array(USUAL)))
+        pull = PULL * (logit(np.clip(share, SURE, 1.0 - SURE)) - np.log(USUAL / (1.0 - USUAL)))
         with np.errstate(divide="ignore", invalid="ignore"):  # of cells that nobody hears there
             level_dbm = sums.told_dbm / sums.close
             nearest_m = np.maximum(-SHARP_M * np.log(sums.beside), 0.0)
@@ -291,7 +291,3 @@ def _with_cells(
         ),
         heard_on={day: np.pad(on, (0, more)) for day, on in model.heard_on.items()},
     )
-
-
-def _logit(chance: Floats) -> Floats:
-    return np.asarray(np.log(chance) - np.log1p(-chance))
