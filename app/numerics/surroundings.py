@@ -34,8 +34,8 @@ SURE = 0.01  # no closer than this to never, or to always
 LEAST_HEARD = 0.03  # share about a place from which a cell is mapped there
 CLOSE_M = 10.0  # places within so much of the nearest count alike for a level, and others less
 AT_ONCE_DB = 4.0  # spread of another day's levels about those of places right beside
-FARTHER_DB_M = 1.0 / 15.0  # and how it grows with the way to the nearest that hears the cell,
-FAR_DB = 8.0  # up to this
+FARTHER_DB_M = 1.0 / 15.0  # by which it grows with the way to the nearest place that has the cell
+FAR_DB = 8.0  # up to this much
 SHARP_M = 5.0  # of many distances the least, to within a few metres
 
 
