@@ -183,7 +183,7 @@ class MapIndex:
 
     def road_with(self, number: int, model: RoadModel) -> RoadIndex:
         """One of the roads laid out as if it had this model, the others being what they are."""
-        return _road(number, self.around.told(number, model), self.carriers, self.newcomers)
+        return _road(number, model, self.carriers, self.newcomers)
 
 
 def _grounds(index: MapIndex) -> Grounds:

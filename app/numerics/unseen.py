@@ -2,7 +2,7 @@
 Held-out windows on their own road, as its curves without their day have it.
 
 The road lies among the others as in the map: what it has not mapped without that day, its
-surroundings tell.
+surroundings tell. Windows that were drawn from a road's own model are asked of just that.
 """
 
 from __future__ import annotations
@@ -67,8 +67,9 @@ def ask_at_home(
     for number, truth in windows:
         if laid is None or laid[0] != (number, truth.fold):
             model = models[number]
-            alone = without(model, truth.fold) if truth.measured else model
-            laid = ((number, truth.fold), index.road_with(number, alone))
+            if truth.measured:
+                model = index.around.told(number, without(model, truth.fold))
+            laid = ((number, truth.fold), index.road_with(number, model))
         names = tuple(models[number].cells[column] for column in truth.cells.tolist())
         found.append(Asked(number, truth, _places(laid[1], names, truth)))
     return found

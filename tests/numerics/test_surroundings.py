@@ -11,7 +11,6 @@ import pytest
 from app.domain import RoadModel, Window
 from app.numerics import surroundings as said
 from app.numerics.carriers import NOTHING_KNOWN
-from app.numerics.index import told_of_others
 from app.numerics.observation import HEARD_FLOOR
 from app.numerics.query import ask
 from app.numerics.stretches import whole_roads
@@ -176,13 +175,13 @@ def test_the_order_of_roads_moves_nothing():
 
 
 def test_a_road_told_of_itself_lies_as_in_the_map():
-    """Laid out with its own model a road is the index's road; with another one it is not."""
+    """Laid out with its own model, once told, a road is the index's road; untold it is not."""
     models = roads(8, 0.0, 25.0, 50.0)
     index = map_of(models)
-    again = index.road_with(1, told_of_others(models).models[1])
-    same = index.road_with(1, models[1])
-    np.testing.assert_array_equal(same.along.rows, index.roads[1].along.rows)
-    assert again.along.rows.shape == index.roads[1].along.rows.shape
+    again = index.road_with(1, index.around.told(1, models[1]))
+    np.testing.assert_array_equal(again.along.rows, index.roads[1].along.rows)
+    assert again.cells == index.roads[1].cells
+    assert index.road_with(1, models[1]).cells == models[1].cells != again.cells
 
 
 def test_a_street_that_lacks_a_cell_does_not_lose_for_it():
