@@ -13,16 +13,16 @@ NOT_MEASURED = (
     "This version was made before maps measured their reliability; build again to have it measured."
 )
 TOO_FEW = (
-    "Too few held-out windows to measure anything: the probabilities follow the defaults below. "
-    "More passes, on several days, change that."
+    "Too few held-out windows to measure anything: the probabilities follow the defaults below, "
+    "which are those of real streets driven once. A second pass, best on another day, changes that."
 )
 ALL_DRAWN = (
-    "No road was driven on two days: the windows are drawn from the model itself, and say nothing "
+    "No road was driven twice: the windows are drawn from the model itself, and say nothing "
     "of other days and devices. Expect real windows to do worse."
 )
 SOME_DRAWN = (
-    "Windows of roads driven on one day only are drawn from the model itself; they make the "
-    "figures better than real windows would."
+    "Windows of roads driven once are drawn from the model itself; they make the figures better "
+    "than real windows would."
 )
 
 OFF_MAP = (

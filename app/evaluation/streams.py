@@ -23,6 +23,7 @@ class Purpose(enum.IntEnum):
     TOUR = 11
     GIFT = 12
     BOOTSTRAP = 13
+    START = 14
 
 
 def stream(seed: int, purpose: Purpose, *key: int) -> np.random.Generator:

@@ -16,7 +16,8 @@ from jaxtyping import Float, Float32, Int
 COLUMNS = 5
 TRUTH, READING = range(2)  # chainage, sign, fold | distance, cell, dBm
 NO_CELL = -1.0  # of a sample that heard nothing, which is evidence too
-DRAWN = -1  # fold of windows that nobody drove
+DRAWN = -2  # fold of windows that nobody drove
+DRAWN_BLINDLY = -1  # of those drawn, in older models, whatever the road's readings are like
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,11 +66,12 @@ def pack(windows: Sequence[HeldOut]) -> Float32[np.ndarray, "rows columns"]:
 
 
 def unpack(table: Float[np.ndarray, "rows columns"]) -> list[HeldOut]:
-    """The windows of a model's table; none where it is of another layout."""
+    """The windows of a model's table that tell something; none where it is of another layout."""
     if table.shape[1] != COLUMNS or not len(table):
         return []
     starts = np.flatnonzero(table[:, 1] == TRUTH)
-    return [_window(block.astype(np.float64)) for block in np.split(table, starts[1:])]
+    every = [_window(block.astype(np.float64)) for block in np.split(table, starts[1:])]
+    return [one for one in every if one.fold != DRAWN_BLINDLY]
 
 
 def _window(block: Float[np.ndarray, "rows columns"]) -> HeldOut:

@@ -1,10 +1,11 @@
 """
 Evidence for calibration: windows of a road's passes, and curves that have not seen them.
 
-Passes are held out by day; a road with one pass, or one day, has windows drawn from its own curves
-and spread instead, which say nothing of devices and days and are marked so. How such a window fits
-its own road and the rest of the map is asked when a version is calibrated (`app.numerics.unseen`),
-as that depends on the other roads.
+Passes are held out by day, and one by one where all are of one day. A road with one pass has
+windows drawn from its own curves and spread instead, which say nothing of devices and days and are
+marked so; none where its readings do not err independently, as these do. How such a window fits its
+own road and the rest of the map is asked when a version is calibrated (`app.numerics.unseen`), as
+that depends on the other roads.
 """
 
 from __future__ import annotations
@@ -68,6 +69,8 @@ def held_out_evidence(
     surface: Surface,
     refit: Callable[[Sequence[RoadPass]], Surface],
     steps_m: tuple[float, float],
+    *,
+    may_draw: bool,
 ) -> Evidence:
     """
     Windows of the road's passes, and the curves that have not seen them.
@@ -78,6 +81,8 @@ def held_out_evidence(
         surface: Fitted to all of them.
         refit: Fits a surface to some of them, registered among themselves alone.
         steps_m: Of the grid, and of the curves' knots, which the nodes lie no farther apart than.
+        may_draw: Whether windows drawn reading by reading are like those that are driven, see
+            `app.numerics.independence`.
     """
     step_m, spacing_m = steps_m
     grid = len(surface.mean_dbm)
@@ -93,7 +98,7 @@ def held_out_evidence(
             for one, first, last in _cut(held, max(WINDOWS_PER_ROAD // len(folds), 6)):
                 if _covered(one.chainage_m[[first, last]], others):
                     found += _held_out(one, first, last, fold)
-    else:
+    elif may_draw:
         drawn = [_redrawn(one, surface, step_m, seed) for seed, one in enumerate(passes)]
         for one, first, last in _cut(drawn, WINDOWS_PER_ROAD):
             found += _held_out(one, first, last, DRAWN)
@@ -107,10 +112,15 @@ def _at(nodes: Int[np.ndarray, " nodes"], surface: Surface) -> Float16[np.ndarra
 
 
 def _folds(passes: Sequence[RoadPass]) -> list[list[RoadPass]]:
-    groups = sorted({one.group for one in passes})
-    count = min(MOST_FOLDS, len(groups))
-    fold = {group: index % count for index, group in enumerate(groups)}
-    return [[one for one in passes if fold[one.group] == index] for index in range(count)]
+    days = [one.group for one in passes]
+    alone = len(set(days)) == 1  # passes of one day tell little of another, but far more than none
+    groups = [str(number) for number in range(len(passes))] if alone else days
+    number = {group: at for at, group in enumerate(sorted(set(groups)))}
+    count = min(MOST_FOLDS, len(number))
+    folds: list[list[RoadPass]] = [[] for _ in range(count)]
+    for one, group in zip(passes, groups, strict=True):
+        folds[number[group] % count].append(one)
+    return folds
 
 
 def _covered(ends_m: Float[np.ndarray, " ends"], others: Sequence[RoadPass]) -> bool:

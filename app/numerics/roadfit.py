@@ -24,12 +24,15 @@ from app.numerics.hearing import (
     stranger_chance,
 )
 from app.numerics.heldout import Surface, held_out_evidence
+from app.numerics.independence import errs_apart
 from app.numerics.lines import length_m
 from app.numerics.passes import RoadPass, all_cells, distinct, lay_on_road
 from app.numerics.registration import Registration, register
 from app.numerics.salience import select_salient
 from app.numerics.segmentation import SegmentationParams, cut_road
 from app.numerics.subsegments import FittedRoad, describe_segments
+
+REGISTERED_ON_M = 6.0  # knots, at least, of the curves that passes are held against for their lags
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +51,7 @@ class FitParams:
     grid_step_m: float = 1.0
     min_readings: int = 8
     min_rows: int = 8
-    knot_spacing_m: tuple[float, float] = (1.0, 6.0)
+    knot_spacing_m: tuple[float, float] = (1.0, 3.0)
     segmentation: SegmentationParams = field(default_factory=SegmentationParams)
 
 
@@ -176,8 +179,15 @@ class _Fitting:
         )
 
     def registration(self, passes: Sequence[RoadPass], strength: float) -> Registration:
-        """Lag and level of the passes, as far as they tell these of each other."""
-        return register(passes, self.end_m, self.spacing_m, strength)
+        """
+        Lag and level of the passes, as far as they tell these of each other.
+
+        Args:
+            strength: Of the penalty on `curves`: between knots farther apart as rough a field
+                changes more, and is held back less.
+        """
+        spacing_m = max(self.spacing_m, REGISTERED_ON_M)
+        return register(passes, self.end_m, spacing_m, strength * self.spacing_m / spacing_m)
 
     def passes_by(self, passes: Sequence[RoadPass]) -> Floats:
         """How many passes listened to each cell's carrier by each grid point."""
@@ -236,7 +246,8 @@ def _assemble(
         return work.surface(passes, work.curves(passes, curves.strength))
 
     steps_m = (work.step_m, work.spacing_m)
-    held_out = held_out_evidence(laid.passes, laid.cells, surface, refit, steps_m)
+    apart = errs_apart(fit.passes, curves, work.step_m)
+    held_out = held_out_evidence(laid.passes, laid.cells, surface, refit, steps_m, may_draw=apart)
     return RoadModel(
         road_id=road.road_id,
         line=laid.line,

@@ -68,7 +68,7 @@ def test_what_was_measured_is_served(service: Service):
     assert found["off_map"] == {"refused": 0.01, "strangers_refused": 0.92, "auroc": 0.97}
     offset = found["calibration"]["offset_sd_db"]
     assert (offset["value"], offset["unit"]) == (2.5, "dB")
-    assert "one day only" in found["note"]
+    assert "driven once" in found["note"]
 
 
 @pytest.mark.parametrize(

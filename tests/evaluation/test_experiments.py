@@ -23,18 +23,18 @@ from app.evaluation.report.write import Run, write_report
 ALL = ("paper", "rwknn", "gift", "cf-els", "exhaustive", "roadprint")
 ASK = Ask("paper", None, ALL, 10)
 PINNED_M = {
-    ("anywhere", "paper"): 333.90659533243127,
-    ("anywhere", "rwknn"): 53.74578557336927,
-    ("anywhere", "gift"): 0.5320901311193714,
-    ("anywhere", "cf-els"): 30.075040962237164,
-    ("anywhere", "exhaustive"): 0.1691426071103322,
-    ("anywhere", "roadprint"): 0.1691426071103322,
-    ("aligned", "paper"): 314.6498004124136,
-    ("aligned", "rwknn"): 26.654566481022847,
-    ("aligned", "gift"): 0.9308088405578078,
-    ("aligned", "cf-els"): 25.599999999875013,
-    ("aligned", "exhaustive"): 0.17416912954448838,
-    ("aligned", "roadprint"): 0.17416912954448838,
+    ("anywhere", "paper"): 209.85089994121898,
+    ("anywhere", "rwknn"): 61.875085660644615,
+    ("anywhere", "gift"): 0.510323287510513,
+    ("anywhere", "cf-els"): 146.67193849439676,
+    ("anywhere", "exhaustive"): 0.1876297442345832,
+    ("anywhere", "roadprint"): 0.1876297442345832,
+    ("aligned", "paper"): 177.30277744750117,
+    ("aligned", "rwknn"): 7.712193090202014,
+    ("aligned", "gift"): 0.35268998933345275,
+    ("aligned", "cf-els"): 96.66706665026817,
+    ("aligned", "exhaustive"): 0.24279452690719605,
+    ("aligned", "roadprint"): 0.24279452690719605,
 }
 SAME_M = 1e-9
 RESULTS = [name for name in SCHEMA.names if name != "delay_ms"]

@@ -10,6 +10,7 @@ import pytest
 
 from app.domain import Direction
 from app.evaluation.scenario import PRESETS, Scenario, build_city, drive, preset, survey, windows
+from app.evaluation.scenario.drives import survey_chainage_m
 from app.numerics.geodesy import distance_m
 from app.numerics.lines import length_m, project
 
@@ -43,11 +44,27 @@ def test_the_papers_area_is_as_the_paper_says(paper):
     np.testing.assert_allclose(np.diff(trace.time_s), 3.6 / 30.0)
 
 
+def test_no_two_drives_report_at_the_same_places():
+    """Passes of a survey and drives begin anywhere within a sample's distance of the road's end."""
+    city = build_city(preset("harsh"), SEED)
+    truth, spacing_m = city.roads[0], city.scenario.spacing_m
+    starts = [survey_chainage_m(city, truth, number)[0] for number in (0, 2)]
+    for number in range(20):
+        there = drive(city, truth.road_id, Direction.FORWARD, number)
+        starts.append(float(project(truth.line, there.lon, there.lat).chainage_m[0]))
+    assert 0.0 <= min(starts) < 0.2 * spacing_m
+    assert 0.8 * spacing_m < max(starts) < spacing_m
+    assert np.diff(np.sort(starts)).min() > 1e-4
+    back = survey_chainage_m(city, truth, 1)
+    np.testing.assert_allclose(np.diff(back), -spacing_m)
+    assert truth.length_m - spacing_m < back[0] <= truth.length_m
+
+
 def test_same_seed_same_numbers(paper):
     """A city's fingerprint is pinned: a change of it changes every published figure."""
     assert digest(build_city(preset("paper"), SEED)) == digest(paper)
     assert digest(build_city(preset("paper"), SEED + 1)) != digest(paper)
-    assert digest(paper) == "1a70b7ea00e689dec0302d6636080456c82e91fa914d8db91b2272f9c9969a2f"
+    assert digest(paper) == "1f0d0b71adec5fbb4e7e03947e5a6433aed067bb1af6f5bee106c9f1f30e059e"
 
 
 def test_more_cells_shift_nothing(paper):

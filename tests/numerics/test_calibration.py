@@ -13,6 +13,7 @@ from app.evaluation.scenario import survey, windows
 from app.numerics.answer import fit_of_place
 from app.numerics.calibration import (
     MIN_WINDOWS,
+    UNTRIED,
     _log_odds,
     _most_probable,
     _offset_sd_db,
@@ -86,10 +87,10 @@ def test_the_spread_of_devices_is_learnt(offset_db):
 
 
 def test_too_little_evidence_keeps_the_defaults():
-    """Fewer windows than say anything leave the calibration as it was written."""
+    """Fewer windows than say anything leave that of real streets driven once."""
     model = models_of()[0]
     few = pack(unpack(model.evidence)[: MIN_WINDOWS - 1])
-    assert calibrate([replace(model, evidence=few)]) == Calibration()
+    assert calibrate([replace(model, evidence=few)]) == UNTRIED
 
 
 def test_evidence_is_packed_without_loss():

@@ -41,18 +41,16 @@ def drive(
     way = 0 if direction is Direction.FORWARD else 1
     rng = stream(city.seed, Purpose.DRIVE, truth.index, way, number)
     offset_db = city.scenario.device_offset_sd_db * rng.normal()
-    chainage_m = pass_chainage_m(truth, direction, city.scenario)
+    chainage_m = _chainage_m(truth, direction, city.scenario, rng.uniform())
     mean_dbm = truth.mean_dbm(chainage_m, drifted=True) + offset_db
     start = DRIVE_START + timedelta(hours=number)
     return _trace(city, truth, chainage_m, report(mean_dbm, city.scenario, rng), start)
 
 
-def pass_chainage_m(
-    truth: RoadTruth, direction: Direction, scenario: Scenario
-) -> Float[np.ndarray, " samples"]:
-    """Chainage of every sample of a pass from one end towards the other."""
-    travelled_m = np.arange(int(truth.length_m / scenario.spacing_m) + 1) * scenario.spacing_m
-    return travelled_m if direction is Direction.FORWARD else truth.length_m - travelled_m
+def survey_chainage_m(city: City, truth: RoadTruth, number: int) -> Float[np.ndarray, " samples"]:
+    """Where the samples of the survey's pass of that number were truly taken, in driving order."""
+    start = stream(city.seed, Purpose.START, truth.index, number).uniform()
+    return _chainage_m(truth, survey_direction(city.scenario, number), city.scenario, start)
 
 
 def survey_direction(scenario: Scenario, number: int) -> Direction:
@@ -81,7 +79,7 @@ def report(
 def _survey_pass(city: City, truth: RoadTruth, number: int) -> Trace:
     scenario = city.scenario
     rng = stream(city.seed, Purpose.SURVEY, truth.index, number)
-    chainage_m = pass_chainage_m(truth, survey_direction(scenario, number), scenario)
+    chainage_m = survey_chainage_m(city, truth, number)
     rsrp_dbm = report(truth.mean_dbm(chainage_m), scenario, rng)
     start = SURVEY_START + timedelta(days=number, minutes=2 * truth.index)
     trace = _trace(city, truth, chainage_m, rsrp_dbm, start)
@@ -89,6 +87,22 @@ def _survey_pass(city: City, truth: RoadTruth, number: int) -> Trace:
     degree = metres_per_degree(trace.lat)
     lon, lat = trace.lon + noise_m[0] / degree.x_m, trace.lat + noise_m[1] / degree.y_m
     return replace(trace, lon=lon, lat=lat)
+
+
+def _chainage_m(
+    truth: RoadTruth, direction: Direction, scenario: Scenario, start: float
+) -> Float[np.ndarray, " samples"]:
+    """
+    Chainage of every sample from one end towards the other.
+
+    Args:
+        start: Of the first, as a share of the distance between samples: no two drives report at the
+            very same places.
+    """
+    into_m = start * scenario.spacing_m
+    samples = int((truth.length_m - into_m) / scenario.spacing_m) + 1
+    travelled_m = into_m + np.arange(samples) * scenario.spacing_m
+    return travelled_m if direction is Direction.FORWARD else truth.length_m - travelled_m
 
 
 def _trace(

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 
 from app.domain import Direction, Window
 from app.evaluation.scenario.city import City, RoadTruth
-from app.evaluation.scenario.drives import pass_chainage_m, survey, survey_direction
+from app.evaluation.scenario.drives import survey, survey_chainage_m
 from app.evaluation.scenario.params import Scenario
 from app.evaluation.survey_bound.curves import Curve, field_covariance_db2
 from app.evaluation.survey_bound.places import Law, Terms, law_at
@@ -123,8 +123,9 @@ def curves_on(city: City, truth: RoadTruth) -> list[Curve]:
     """
     scenario = city.scenario
     passes = [one for one in survey(city) if one.road_id == truth.road_id]
-    ways = [survey_direction(scenario, number) for number in range(len(passes))]
-    chainage_m = np.concatenate([pass_chainage_m(truth, way, scenario) for way in ways])
+    chainage_m = np.concatenate(
+        [survey_chainage_m(city, truth, number) for number in range(len(passes))]
+    )
     rsrp_dbm = np.concatenate([one.rsrp_dbm for one in passes]).astype(float)
     nodes = len(truth.median_dbm)
     step_m = truth.length_m / (nodes - 1)

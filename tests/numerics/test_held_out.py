@@ -1,0 +1,118 @@
+"""Which windows a road holds out, and which of them have a say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+
+import numpy as np
+import pytest
+
+from app.domain import Trace
+from app.evaluation.scenario import survey
+from app.numerics.calibration import UNTRIED, calibrate
+from app.numerics.evidence_table import DRAWN, DRAWN_BLINDLY, pack, unpack
+from app.numerics.independence import FEWEST_PAIRS, shared_part
+from app.numerics.roadfit import fit_road
+from app.numerics.unseen import held_out_windows
+from tests.numerics.cities import city_of, models_of
+
+
+def passes_of(name: str = "paper", cells: int = 6) -> tuple[list[Trace], ...]:
+    """The survey of every road of a city."""
+    city = city_of(name, cells)
+    every = survey(city)
+    return tuple([one for one in every if one.road_id == truth.road_id] for truth in city.roads)
+
+
+def jolted(trace: Trace, seed: int, spread_db: float = 2.0) -> Trace:
+    """The pass with an error that all cells of a sample share, as behind lorries."""
+    common = np.random.default_rng(seed).normal(0.0, spread_db, len(trace.time_s))
+    rsrp_dbm = (trace.rsrp_dbm + common[:, None]).astype(np.float32)
+    return replace(trace, rsrp_dbm=rsrp_dbm)
+
+
+def fitted(roads: tuple[list[Trace], ...]):
+    """Their models, on the city's lines."""
+    pairs = zip(city_of().roads, roads, strict=True)
+    return [fit_road(truth.road, passes) for truth, passes in pairs]
+
+
+@pytest.mark.parametrize("shared", [0.0, 0.2, 0.5, 0.9])
+def test_the_shared_part_is_found(shared):
+    """Cells that have a part of their variance in common, a fifth of the readings missing."""
+    rng = np.random.default_rng(3)
+    common, own = rng.normal(size=(2000, 1)), rng.normal(size=(2000, 5))
+    residual = np.sqrt(shared) * common + np.sqrt(1.0 - shared) * own
+    residual[rng.random(residual.shape) < 0.2] = np.nan
+    found = shared_part(residual)
+    assert found is not None
+    assert found.part == pytest.approx(shared, abs=0.03)
+    assert found.sd < 0.02
+
+
+def test_too_few_pairs_tell_nothing():
+    """Phones that report one cell a sample, or a handful of samples."""
+    rng = np.random.default_rng(3)
+    serving = np.full((500, 4), np.nan)
+    serving[np.arange(500), rng.integers(0, 4, 500)] = rng.normal(size=500)
+    assert shared_part(serving) is None
+    assert shared_part(rng.normal(size=(int(FEWEST_PAIRS) - 1, 2))) is None
+    assert shared_part(rng.normal(size=(int(FEWEST_PAIRS), 2))) is not None
+
+
+def test_one_pass_draws_windows_only_where_readings_err_apart():
+    """Of independent noise windows are drawn; where samples err as one they would be too easy."""
+    apart = fitted(passes_of())
+    assert all(len(unpack(model.evidence)) > 20 for model in apart)
+    assert {one.fold for model in apart for one in unpack(model.evidence)} == {DRAWN}
+    as_one = fitted(tuple([jolted(one, 5) for one in passes] for passes in passes_of()))
+    assert not any(unpack(model.evidence) for model in as_one)
+    assert calibrate(as_one) == UNTRIED
+
+
+def test_serving_cells_alone_draw_none():
+    """One reading a sample: nobody can tell, and the map is not taken at its word."""
+
+    def serving(trace: Trace) -> Trace:
+        strongest = np.nanmax(trace.rsrp_dbm, axis=1, keepdims=True)
+        rsrp_dbm = np.where(trace.rsrp_dbm == strongest, trace.rsrp_dbm, np.nan)
+        rsrp_dbm[np.cumsum(~np.isnan(rsrp_dbm), axis=1) > 1] = np.nan
+        return replace(trace, rsrp_dbm=rsrp_dbm)
+
+    models = fitted(tuple([serving(one) for one in passes] for passes in passes_of()))
+    assert not any(unpack(model.evidence) for model in models)
+
+
+def test_passes_of_one_day_are_held_out_one_by_one():
+    """Of three passes within an hour each is asked of the other two; of other days, day by day."""
+    first = passes_of("harsh")[0]
+    same = [
+        replace(one, recorded_at=first[0].recorded_at + timedelta(minutes=10 * number))
+        for number, one in enumerate(first)
+    ]
+    truth = city_of("harsh").roads[0]
+    model = fit_road(truth.road, same)
+    windows = unpack(model.evidence)
+    assert {one.fold for one in windows} == {0, 1, 2}
+    assert all(one.measured for one in windows)
+    assert len(model.unseen) == 3
+    assert len(fit_road(truth.road, [*same[:2], first[2]]).unseen) == 2
+
+
+def test_what_few_roads_drew_by_chance_has_no_say():
+    """Drawn windows count while most roads with one pass have some; driven ones always."""
+    models = list(models_of())
+    silent = [replace(model, evidence=pack([])) for model in models]
+    count = len(unpack(models[0].evidence))
+    assert len(held_out_windows([*models[:3], silent[3]])) > 2 * count
+    assert held_out_windows([models[0], *silent[1:]]) == []
+    driven = [replace(one, fold=0) for one in unpack(models[0].evidence)]
+    told = replace(models[0], evidence=pack(driven))
+    assert len(held_out_windows([told, models[1], *silent[2:]])) == count
+
+
+def test_windows_drawn_by_older_code_tell_nothing():
+    """It drew them whatever the readings were like."""
+    windows = unpack(models_of()[0].evidence)
+    assert unpack(pack([replace(one, fold=DRAWN_BLINDLY) for one in windows])) == []
