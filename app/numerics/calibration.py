@@ -51,12 +51,13 @@ INFORMATION_ONCE = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
 INFORMATION_EACH = tuple(float(each) for each in np.geomspace(0.01, 20.0, 31))
 
 
-def calibrate(models: Sequence[RoadModel]) -> Calibration:
+def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> Calibration:
     """
     Try the map on the windows that its roads held out.
 
     Args:
         models: All roads of the map; those without evidence have no say.
+        given: Whose information and position error to take; None = the most probable ones.
 
     Returns:
         `UNTRIED` where there is too little evidence to say better.
@@ -71,13 +72,17 @@ def calibrate(models: Sequence[RoadModel]) -> Calibration:
     )
     index = index.recalibrated(learnt)
     sizes = np.array([size_of(one.truth) for one in asked])
-    once, each, position_sd_m = _most_probable(asked, sizes, index.offset_prior, index.lengths_m)
+    if given is None:
+        likeliest = _most_probable(asked, sizes, index.offset_prior, index.lengths_m)
+    else:
+        likeliest = (given.information_once, given.information_each, given.position_sd_m)
+    once, each, error_m = likeliest
     learnt = replace(
         learnt,
         information_once=once,
         information_each=each,
-        position_sd_m=position_sd_m,
-        segment_sd_m=position_sd_m,
+        position_sd_m=error_m,
+        segment_sd_m=error_m,
     )
     trials = ask_all(index.recalibrated(learnt), models, asked)
     learnt = replace(learnt, off_map=_log_odds(trials, learnt))

@@ -32,6 +32,9 @@ from app.numerics.salience import select_salient
 from app.numerics.segmentation import SegmentationParams, cut_road
 from app.numerics.subsegments import FittedRoad, describe_segments
 
+ANOTHER_DAY_DB2 = (
+    2.0  # of variance beyond what one pass knows of itself; of n passes a n^3-th of it
+)
 REGISTERED_ON_M = 6.0  # knots, at least, of the curves that passes are held against for their lags
 
 
@@ -165,16 +168,24 @@ class _Fitting:
         rsrp = np.concatenate([one.rsrp_dbm for one in passes])
         return fit_curves(chainage_m, rsrp, self.grid_m, self.spacing_m, strength)
 
-    def surface(self, passes: Sequence[RoadPass], curves: FittedCurves) -> Surface:
-        """Curves and hearing on the grid, NaN where no sample near heard the cell."""
+    def surface(self, passes: Sequence[RoadPass], curves: FittedCurves, *, apart: bool) -> Surface:
+        """
+        Curves and hearing on the grid, NaN where no sample near heard the cell.
+
+        Args:
+            apart: Whether readings err independently (`app.numerics.independence`). Where they do
+                not, a pass errs as a whole, and few passes know too little of by how much.
+        """
         chainage_m = np.concatenate([one.chainage_m for one in passes])
         share = np.concatenate([one.heard for one in passes])
         size, carrier = len(self.grid_m), self.carrier
         heard = heard_probability(chainage_m, share, size, self.step_m, carrier)
         mapped, by = heard >= MAPPED_FROM, self.passes_by(passes)
+        unseen_db2 = 0.0 if apart else ANOTHER_DAY_DB2 / np.maximum(by, 1.0) ** 3
+        spread_db = np.sqrt(curves.spread_db**2 + unseen_db2)
         return Surface(
             np.where(mapped, curves.mean_dbm, np.nan).astype(np.float32),
-            np.where(mapped, curves.spread_db, np.nan).astype(np.float32),
+            np.where(mapped, spread_db, np.nan).astype(np.float32),
             np.where(mapped, for_another_pass(heard, by), stranger_chance(by)).astype(np.float32),
         )
 
@@ -201,11 +212,17 @@ class _Fitting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fitted:
-    """The passes without lag and level, and what was fitted to them."""
+    """
+    The passes without lag and level, and what was fitted to them.
+
+    Attributes:
+        apart: Whether their readings err independently about the curves.
+    """
 
     passes: list[RoadPass]
     curves: FittedCurves
     surface: Surface
+    apart: bool
 
 
 def _fit(driven: list[RoadPass], work: _Fitting) -> _Fitted:
@@ -213,7 +230,8 @@ def _fit(driven: list[RoadPass], work: _Fitting) -> _Fitted:
     passes = work.registration(driven, curves.strength).correct(driven)
     if any(now is not before for now, before in zip(passes, driven, strict=True)):
         curves = work.curves(passes)
-    return _Fitted(passes, curves, work.surface(passes, curves))
+    apart = errs_apart(passes, curves, work.step_m)
+    return _Fitted(passes, curves, work.surface(passes, curves, apart=apart), apart)
 
 
 def _reference(cells: tuple[str, ...], traces: Sequence[Trace], surface: Surface) -> int:
@@ -243,11 +261,12 @@ def _assemble(
         # Held-out windows stay as a client would send them, and the others are registered without
         # them: else the map would take its own corrections for accuracy.
         passes = work.registration(driven, curves.strength).correct(driven)
-        return work.surface(passes, work.curves(passes, curves.strength))
+        return work.surface(passes, work.curves(passes, curves.strength), apart=fit.apart)
 
     steps_m = (work.step_m, work.spacing_m)
-    apart = errs_apart(fit.passes, curves, work.step_m)
-    held_out = held_out_evidence(laid.passes, laid.cells, surface, refit, steps_m, may_draw=apart)
+    held_out = held_out_evidence(
+        laid.passes, laid.cells, surface, refit, steps_m, may_draw=fit.apart
+    )
     return RoadModel(
         road_id=road.road_id,
         line=laid.line,
