@@ -19,7 +19,7 @@ def reliability_words(found: Document) -> list[str]:
 
 def _places(found: Document) -> str:
     windows = f"{found['window_count']:,} held-out windows"
-    measured = f"{found['measured_count']:,} driven on another day"
+    measured = f"{found['measured_count']:,} of other passes than their curves"
     position = found["position"]
     return (
         f"places: the road was right for {_share(found['road']['right'])} of {windows} "

@@ -142,7 +142,7 @@ def test_a_build_ends_in_three_lines(service: Service):
     found = reliability_document(get_map(service.engine, version))
     places, probabilities, off_map, note = reliability_words(found)
     assert "97.0 %" in places
-    assert "200 held-out windows (150 driven on another day)" in places
+    assert "200 held-out windows (150 of other passes than their curves)" in places
     assert "3.2 m" in places
     assert "the road's is off by 1.3 % on average, the sub-segment's by 2.7 %" in probabilities
     assert "67.0 % at 68 %" in probabilities

@@ -77,7 +77,10 @@ class ReliabilityDocument(BaseModel):
     note: str | None = Field(description="What to know before believing the figures.")
     window_count: int = Field(description="Held-out windows asked for.")
     measured_count: int = Field(
-        description="Of these, driven on another day than their curves; the rest are simulated."
+        description=(
+            "Of these, driven: on another day than their curves or, where all passes of a road are "
+            "of one day, in another pass; the rest are drawn."
+        )
     )
     road: RoadReliability
     segment: SegmentReliability
