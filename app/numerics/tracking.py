@@ -96,7 +96,8 @@ def follow(
     whole = begin(index, joined, confidence=confidence, in_c=in_c)
     if whole.fix.off_map_posterior > FITS_NOWHERE:  # driven some other way than along one road
         return replace(filtered, heard=joined)
-    off_map = filtered.fix.off_map_posterior
+    # The last metres alone may fit badly by chance.
+    off_map = min(filtered.fix.off_map_posterior, whole.fix.off_map_posterior)
     return Tracked(_with_off_map(whole.fix, off_map), whole.belief.with_off_map(off_map), joined)
 
 

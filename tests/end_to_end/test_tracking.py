@@ -76,7 +76,7 @@ def test_a_vehicle_is_followed_round_a_corner(service, city, step_m: float):
 
 def test_the_console_follows_a_drive(service, city, tmp_path):
     """`roadprint locate --track` prints a line a window of a drive's CSV."""
-    tour = tour_of(city, Leg("road-north", 20.0, 380.0))
+    tour = tour_of(city, Leg("road-north", 20.0, 381.0))
     line = city.by_id["road-north"].line
     drive = tmp_path / "drive.csv"
     drive.write_text(csv_of(tour, line))
