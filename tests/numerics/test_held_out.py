@@ -10,9 +10,12 @@ import pytest
 
 from app.domain import Trace
 from app.evaluation.scenario import survey
+from app.numerics import roadfit
 from app.numerics.calibration import UNTRIED, calibrate
+from app.numerics.curves import Basis, FittedCurves
 from app.numerics.evidence_table import DRAWN, DRAWN_BLINDLY, pack, unpack
-from app.numerics.independence import FEWEST_PAIRS, shared_part
+from app.numerics.independence import FEWEST_PAIRS, errs_apart, shared_part
+from app.numerics.passes import RoadPass
 from app.numerics.roadfit import fit_road
 from app.numerics.unseen import held_out_windows
 from tests.numerics.cities import city_of, models_of
@@ -69,6 +72,28 @@ def test_one_pass_draws_windows_only_where_readings_err_apart():
     as_one = fitted(tuple([jolted(one, 5) for one in passes] for passes in passes_of()))
     assert not any(unpack(model.evidence) for model in as_one)
     assert calibrate(as_one) == UNTRIED
+
+
+def test_few_passes_that_err_as_a_whole_know_too_little(monkeypatch):
+    """Their spread is wider by 2 dB^2 of variance for one pass, by an eighth of it for two."""
+    truth, one = city_of().roads[0], passes_of()[0][0]
+    for passes in ([jolted(one, 5)], [jolted(one, 5), jolted(one, 6)]):
+        wide = fit_road(truth.road, passes).spread_db
+        with monkeypatch.context() as patched:
+            patched.setattr(roadfit, "ANOTHER_DAY_DB2", 0.0)
+            own = fit_road(truth.road, passes).spread_db
+        known = ~np.isnan(own)
+        more_db2 = wide[known] ** 2 - own[known] ** 2
+        np.testing.assert_allclose(more_db2, 2.0 / len(passes) ** 3, rtol=1e-3)
+
+
+def test_levels_that_never_move_err_apart():
+    """Cells without any noise, as made-up surveys have them, are no division by zero."""
+    flat = np.full((201, 2), -90.0)
+    still = RoadPass(np.arange(201.0), flat, np.ones_like(flat), "day")
+    basis = Basis.over(200.0, 3.0)
+    curves = FittedCurves(basis, np.full((basis.size, 2), -90.0), np.zeros(2), flat, flat, 1.0)
+    assert errs_apart([still], curves, 1.0)
 
 
 def test_serving_cells_alone_draw_none():
