@@ -3,8 +3,8 @@ How far a map of few passes can be trusted: `python -m benchmarks.first_night [D
 
 Maps of one day's survey passes, of one pass a road, and of one pass on half of the roads and the
 first days' passes on the others, calibrated as a build does, asked windows of the survey's other
-days. Beside what they answer, how sure they are of it. Passes that a data set
-keeps for tests are never read. With `--constants` instead: what `calibration.UNTRIED` was taken
+days. Beside what they answer, how sure they are of it. Passes that a data set keeps for tests are
+never read. With `--constants` instead: what `calibration.UNTRIED` was taken
 from, the calibrations of maps with two passes a road on two days. Some five minutes of one core.
 """
 
@@ -26,6 +26,7 @@ from app.numerics.calibration import UNTRIED, calibrate
 from app.numerics.geodesy import distance_m
 from app.numerics.index import MapIndex
 from app.numerics.matching import locate
+from app.numerics.reliability import calibration_error, curve_of
 from app.numerics.roadfit import fit_road
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "data" / "santa_monica_att"
@@ -34,7 +35,6 @@ SEED = 5
 PICKS = (11, 12, 13)  # of one pass a road
 PAIRS = range(6)  # of two
 INSIDE_M = 10.0  # a window may reach so far beyond what a road's passes drove
-BINS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,9 +144,10 @@ def answered(
         within = (error_m <= fix.accuracy_m, error_m <= wide.accuracy_m)
         rows.append((right, error_m, fix.road_posterior, *within, fix.off_map))
     right, error_m, said, in68, in95, refused = np.array(rows, dtype=float).T
+    ece = calibration_error(curve_of(said, right > 0.0))
     return (
         f"{len(rows)} windows  road {right.mean():.1%}  median {np.median(error_m):5.1f} m  "
-        f"refused {refused.mean():.1%}  said {said.mean():.1%}  ECE {ece(said, right):.1%}  "
+        f"refused {refused.mean():.1%}  said {said.mean():.1%}  ECE {ece:.1%}  "
         f"68 % radius {in68.mean():.1%}  95 % {in95.mean():.1%}"
     )
 
@@ -155,16 +156,6 @@ def covers(one: Driven, ends_m: np.ndarray) -> bool:
     """Whether a pass drove all of a window."""
     first_m, last_m = one.reach_m
     return bool(ends_m.min() >= first_m - INSIDE_M and ends_m.max() <= last_m + INSIDE_M)
-
-
-def ece(said: np.ndarray, right: np.ndarray) -> float:
-    """Expected calibration error in even bins."""
-    bins = np.minimum((said * BINS).astype(int), BINS - 1)
-    gaps = [
-        abs(said[bins == b].mean() - right[bins == b].mean()) * (bins == b).mean()
-        for b in np.unique(bins)
-    ]
-    return float(np.sum(gaps))
 
 
 def print_constants(roads: Sequence[Road], every: Sequence[Driven]) -> None:

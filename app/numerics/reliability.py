@@ -53,9 +53,9 @@ def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -
     posterior = np.array([one.posterior for one in outcomes])
     error_m = np.array([one.error_m for one in outcomes])
     within = np.array([one.within for one in outcomes]).mean(axis=0)
-    curve = _curve(posterior, right)
+    curve = curve_of(posterior, right)
     segment_right = np.array([one.segment_right for one in outcomes])
-    segments = _curve(np.array([one.segment_posterior for one in outcomes]), segment_right)
+    segments = curve_of(np.array([one.segment_posterior for one in outcomes]), segment_right)
     told = [(one.fit, one.stranger_fit, one.information(learnt)) for one in trials]
     off = np.array([off_map_probability(learnt, fit, much) for fit, _, much in told])
     strangers = np.array([off_map_probability(learnt, fit, much) for _, fit, much in told])
@@ -63,7 +63,7 @@ def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -
         window_count=len(trials),
         measured_count=sum(one.truth.measured for one in trials),
         road_right=float(right.mean()),
-        ece=_ece(curve),
+        ece=calibration_error(curve),
         curve=curve,
         coverage=tuple(zip(CONFIDENCES, within.tolist(), strict=True)),
         median_m=float(np.median(error_m)),
@@ -72,7 +72,7 @@ def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -
         strangers_refused=float(np.mean(strangers > 0.5)),
         off_map_auroc=auroc(strangers, off),
         segment_right=float(segment_right.mean()),
-        segment_ece=_ece(segments),
+        segment_ece=calibration_error(segments),
     )
 
 
@@ -100,13 +100,15 @@ def _segment(index: MapIndex, told: Summary, chainage_m: float) -> tuple[bool, f
     return bool(road.edges_m[segment] <= chainage_m <= road.edges_m[segment + 1]), mass
 
 
-def _ece(curve: Curve) -> float:
+def calibration_error(curve: Curve) -> float:
     """Expected calibration error: by how much the share right misses the posterior."""
     windows = sum(count for *_, count in curve)
     return sum(count * abs(said - true) for said, true, count in curve) / windows
 
 
-def _curve(posterior: Float[np.ndarray, " windows"], right: Bool[np.ndarray, " windows"]) -> Curve:
+def curve_of(
+    posterior: Float[np.ndarray, " windows"], right: Bool[np.ndarray, " windows"]
+) -> Curve:
     """Mean posterior, share right and number of windows of every bin that has any."""
     bins = np.minimum((posterior * BINS).astype(int), BINS - 1)
     found = [bins == number for number in range(BINS)]
