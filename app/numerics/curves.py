@@ -1,10 +1,11 @@
 """
 One curve a cell: RSRP as a penalised B-spline of chainage, all passes of a road fitted together.
 
-The spline is a P-spline (Eilers and Marx 1996) with a penalty on first differences, which is the
-smoothness of shadowing that forgets exponentially (Gudmundson 1991). Its strength is chosen for the
-whole road by restricted likelihood (Wood 2011): how rough the radio field is and how noisy the
-readings are is a property of the place, not of one cell.
+The spline is a P-spline (Eilers and Marx 1996), straight between its knots, with a penalty on first
+differences: a random walk, which is what shadowing that forgets exponentially (Gudmundson 1991) is
+at short range. A smoother spline would round off what such a field does between two knots. The
+penalty's strength is chosen for the whole road by restricted likelihood (Wood 2011): how rough the
+radio field is and how noisy the readings are is a property of the place, not of one cell.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from app.numerics.geodesy import Floats
 
-DEGREE = 3
+DEGREE = 1
 STRENGTHS = tuple(float(10**power) for power in np.arange(-1.5, 2.51, 0.5))
 RIDGE = 1e-4  # keeps stretches without a sample solvable; pulls to the cell's own median
 NOISE_PRIOR_SAMPLES = 20  # a cell with few readings borrows the road's noise
@@ -27,7 +28,7 @@ MAX_LEVERAGE = 8.0  # far from any sample the spread says "unknown", not infinit
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Basis:
-    """Cubic B-splines with evenly spaced knots over ``[0, length_m]``."""
+    """Linear B-splines with evenly spaced knots over ``[0, length_m]``."""
 
     knots_m: Floats
     size: int
@@ -40,7 +41,7 @@ class Basis:
         return cls(knots_m, spans + DEGREE)
 
     def at(self, chainage_m: Floats) -> Weights:
-        """The four splines that are not zero at each chainage; beyond an end, that end."""
+        """The two splines that are not zero at each chainage; beyond an end, that end."""
         end_m = self.knots_m[-DEGREE - 1]
         inside = np.clip(chainage_m, 0.0, np.nextafter(end_m, 0.0))
         design = BSpline.design_matrix(inside, self.knots_m, DEGREE)
@@ -109,7 +110,7 @@ def fit_curves(
     coefficients = np.stack(
         [s.coefficients_dbm + p.level_dbm for s, p in zip(solved, problems, strict=True)], axis=1
     )
-    leverage = _leverage(basis, solved, grid_m, spacing_m)
+    leverage = _leverage(basis, solved, grid_m)
     return FittedCurves(
         basis,
         coefficients,
@@ -196,43 +197,27 @@ def _best_strength(problems: list[_Problem]) -> float:
 
 
 def _leverage(
-    basis: Basis, solved: list[_Solution], grid_m: Floats, spacing_m: float
+    basis: Basis, solved: list[_Solution], grid_m: Floats
 ) -> Float[np.ndarray, "grid cells"]:
     """Variance of the fit over the variance of the noise, at every grid point."""
-    coarse_m = np.arange(0.0, grid_m[-1] + 2.0 * spacing_m, 2.0 * spacing_m)
-    weights = basis.at(coarse_m)
-    inverse = _inverse_bands(np.stack([solution.factor for solution in solved], axis=2))
-    variance = np.zeros((len(coarse_m), len(solved)))
-    for i in range(DEGREE + 1):
-        for j in range(i, DEGREE + 1):
-            both = (2.0 if j > i else 1.0) * weights.value[:, i] * weights.value[:, j]
-            variance += both[:, None] * inverse[j - i, weights.first + i]
-    columns = [np.interp(grid_m, coarse_m, column) for column in variance.T]
+    variance = _inverse_diagonal(np.stack([solution.factor for solution in solved], axis=2))
+    columns = [np.interp(grid_m, basis.knots_m[DEGREE:-DEGREE], column) for column in variance.T]
     return np.minimum(np.stack(columns, axis=1), MAX_LEVERAGE)
 
 
-def _inverse_bands(
+def _inverse_diagonal(
     factor: Float[np.ndarray, "bands splines cells"],
-) -> Float[np.ndarray, "bands splines cells"]:
+) -> Float[np.ndarray, "splines cells"]:
     """
-    The bands of the inverse that the factor has: ``out[d, j]`` is entry ``(j, j + d)``.
+    The diagonal of the inverse, from the Cholesky factor.
 
-    Backward from the last spline, each row from those after it (Takahashi, Fagan and Chin 1973);
-    the rest of the inverse is never made.
+    Backward from the last spline, each from the one after it (Takahashi, Fagan and Chin 1973); the
+    rest of the inverse is never made.
     """
-    size, cells = factor.shape[1:]
-    inverse = np.zeros((DEGREE + 1, size + DEGREE, cells))
-    for row in range(size - 1, -1, -1):
-        diagonal = factor[DEGREE, row]
-        reach = min(DEGREE, size - 1 - row)
-        ratio = [factor[DEGREE - p, row + p] / diagonal for p in range(1, reach + 1)]
-        for q in range(reach, 0, -1):
-            total = np.zeros(cells)
-            for p in range(1, reach + 1):
-                total += ratio[p - 1] * inverse[abs(q - p), row + min(p, q)]
-            inverse[q, row] = -total
-        total = 1.0 / (diagonal * diagonal)
-        for p in range(1, reach + 1):
-            total = total - ratio[p - 1] * inverse[p, row]
-        inverse[0, row] = total
-    return inverse[:, :size]
+    own = 1.0 / factor[DEGREE] ** 2
+    inverse = np.empty_like(own)
+    inverse[-1] = own[-1]
+    passed_on = factor[DEGREE - 1, 1:] ** 2 * own[:-1]
+    for row in range(len(own) - 2, -1, -1):
+        inverse[row] = own[row] + passed_on[row] * inverse[row + 1]
+    return inverse

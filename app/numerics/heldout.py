@@ -22,6 +22,7 @@ from app.numerics.passes import RoadPass
 WINDOW_LENGTHS_M = (0.0, 30.0, 60.0, 120.0, 200.0, 400.0)  # from one sample to the longest
 WINDOWS_PER_ROAD = 72  # enough for a road to have its say, few enough to cost little room
 MOST_FOLDS = 8
+NODES_M = 3.0  # between the places where curves without a day are kept
 COVERED_TO_M = 25.0  # farther from any other pass the curves say nothing that could be held out
 
 
@@ -68,7 +69,7 @@ def held_out_evidence(
     cells: tuple[str, ...],
     surface: Surface,
     refit: Callable[[Sequence[RoadPass]], Surface],
-    steps_m: tuple[float, float],
+    step_m: float,
     *,
     may_draw: bool,
 ) -> Evidence:
@@ -80,13 +81,12 @@ def held_out_evidence(
             and what its fixes are compared with; their columns are ``cells``.
         surface: Fitted to all of them.
         refit: Fits a surface to some of them, registered among themselves alone.
-        steps_m: Of the grid, and of the curves' knots, which the nodes lie no farther apart than.
+        step_m: Of the grid.
         may_draw: Whether windows drawn reading by reading are like those that are driven, see
             `app.numerics.independence`.
     """
-    step_m, spacing_m = steps_m
     grid = len(surface.mean_dbm)
-    apart = max(int(spacing_m / step_m), 1)
+    apart = max(int(NODES_M / step_m), 1)
     nodes = nodes_of(grid, 1 + -(-(grid - 1) // apart))
     folds = _folds(passes)
     found: list[HeldOut] = []

@@ -65,7 +65,7 @@ class Others:
         number: int,
         readings: Readings,
         first: Int[np.ndarray, " rows"],
-        value: Float[np.ndarray, "rows 4"],
+        value: Float[np.ndarray, "rows 2"],
     ) -> Floats:
         """
         Spread of the readings about the others' curves; infinite where these say nothing.
@@ -84,7 +84,7 @@ class Others:
         number: int,
         readings: Readings,
         first: Int[np.ndarray, "lags rows"],
-        value: Float[np.ndarray, "lags rows 4"],
+        value: Float[np.ndarray, "lags rows 2"],
     ) -> Float[np.ndarray, "lags readings"]:
         """The others' curves where the readings would be at each lag."""
         row = readings.row

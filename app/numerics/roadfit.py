@@ -35,6 +35,7 @@ from app.numerics.subsegments import FittedRoad, describe_segments
 ANOTHER_DAY_DB2 = (
     2.0  # of variance beyond what one pass knows of itself; of n passes a n^3-th of it
 )
+ROUGHER = 0.25  # times the strength of the penalty, where readings do not err apart
 REGISTERED_ON_M = 6.0  # knots, at least, of the curves that passes are held against for their lags
 
 
@@ -44,17 +45,15 @@ class FitParams:
     How a road is fitted.
 
     Attributes:
-        grid_step_m: Step of the grid on which a serving process sees the curves.
+        grid_step_m: Step of the grid on which a serving process sees the curves, and distance of
+            their knots.
         min_readings: A cell heard in fewer rows has no curve.
         min_rows: Fewer rows on the road make no model.
-        knot_spacing_m: Finest and coarsest distance of spline knots; between them, the typical
-            distance of a pass's rows.
     """
 
     grid_step_m: float = 1.0
     min_readings: int = 8
     min_rows: int = 8
-    knot_spacing_m: tuple[float, float] = (1.0, 3.0)
     segmentation: SegmentationParams = field(default_factory=SegmentationParams)
 
 
@@ -135,26 +134,18 @@ def _lay_all(road: Road, every: Sequence[Trace], params: FitParams) -> _Laid:
     return _Laid(line, mapped, kept, on_road)
 
 
-def _spacing_m(passes: Sequence[RoadPass], params: FitParams) -> float:
-    gaps_m = np.concatenate([np.abs(np.diff(one.chainage_m)) for one in passes])
-    finest, coarsest = params.knot_spacing_m
-    return float(np.clip(np.median(gaps_m), finest, coarsest))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fitting:
     """How this road's curves are fitted, to all passes and again to some."""
 
     end_m: float
-    spacing_m: float
     step_m: float
     carrier: Int[np.ndarray, " cells"]
 
     @classmethod
     def of(cls, laid: _Laid, params: FitParams) -> _Fitting:
-        """For these passes."""
-        spacing_m, carrier = _spacing_m(laid.passes, params), carriers.numbers(laid.cells)
-        return cls(length_m(laid.line), spacing_m, params.grid_step_m, carrier)
+        """For passes laid on their road."""
+        return cls(length_m(laid.line), params.grid_step_m, carriers.numbers(laid.cells))
 
     @property
     def grid_m(self) -> Floats:
@@ -166,7 +157,7 @@ class _Fitting:
         """Splines of every cell that these passes heard; the others' are flat and unmapped."""
         chainage_m = np.concatenate([one.chainage_m for one in passes])
         rsrp = np.concatenate([one.rsrp_dbm for one in passes])
-        return fit_curves(chainage_m, rsrp, self.grid_m, self.spacing_m, strength)
+        return fit_curves(chainage_m, rsrp, self.grid_m, self.step_m, strength)
 
     def surface(self, passes: Sequence[RoadPass], curves: FittedCurves, *, apart: bool) -> Surface:
         """
@@ -197,14 +188,13 @@ class _Fitting:
             strength: Of the penalty on `curves`: between knots farther apart as rough a field
                 changes more, and is held back less.
         """
-        spacing_m = max(self.spacing_m, REGISTERED_ON_M)
-        return register(passes, self.end_m, spacing_m, strength * self.spacing_m / spacing_m)
+        spacing_m = max(self.step_m, REGISTERED_ON_M)
+        return register(passes, self.end_m, spacing_m, strength * self.step_m / spacing_m)
 
     def passes_by(self, passes: Sequence[RoadPass]) -> Floats:
         """How many passes listened to each cell's carrier by each grid point."""
-        reach_m = max(LISTENING_M, self.spacing_m)
         by = [
-            listened(one.chainage_m, one.heard, self.grid_m, reach_m, self.carrier)
+            listened(one.chainage_m, one.heard, self.grid_m, LISTENING_M, self.carrier)
             for one in passes
         ]
         return np.sum(by, axis=0).astype(float)
@@ -217,12 +207,14 @@ class _Fitted:
 
     Attributes:
         apart: Whether their readings err independently about the curves.
+        likeliest: Strength of the penalty by restricted likelihood.
     """
 
     passes: list[RoadPass]
     curves: FittedCurves
     surface: Surface
     apart: bool
+    likeliest: float
 
 
 def _fit(driven: list[RoadPass], work: _Fitting) -> _Fitted:
@@ -230,8 +222,10 @@ def _fit(driven: list[RoadPass], work: _Fitting) -> _Fitted:
     passes = work.registration(driven, curves.strength).correct(driven)
     if any(now is not before for now, before in zip(passes, driven, strict=True)):
         curves = work.curves(passes)
-    apart = errs_apart(passes, curves, work.step_m)
-    return _Fitted(passes, curves, work.surface(passes, curves, apart=apart), apart)
+    apart, likeliest = errs_apart(passes, curves, work.step_m), curves.strength
+    if not apart:
+        curves = work.curves(passes, ROUGHER * likeliest)
+    return _Fitted(passes, curves, work.surface(passes, curves, apart=apart), apart, likeliest)
 
 
 def _reference(cells: tuple[str, ...], traces: Sequence[Trace], surface: Surface) -> int:
@@ -260,12 +254,11 @@ def _assemble(
     def refit(driven: Sequence[RoadPass]) -> Surface:
         # Held-out windows stay as a client would send them, and the others are registered without
         # them: else the map would take its own corrections for accuracy.
-        passes = work.registration(driven, curves.strength).correct(driven)
+        passes = work.registration(driven, fit.likeliest).correct(driven)
         return work.surface(passes, work.curves(passes, curves.strength), apart=fit.apart)
 
-    steps_m = (work.step_m, work.spacing_m)
     held_out = held_out_evidence(
-        laid.passes, laid.cells, surface, refit, steps_m, may_draw=fit.apart
+        laid.passes, laid.cells, surface, refit, work.step_m, may_draw=fit.apart
     )
     return RoadModel(
         road_id=road.road_id,

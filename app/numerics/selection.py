@@ -17,6 +17,8 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float, Int
 
+from app.numerics import native, native_gains
+
 TOLERANCE_BITS = 0.02
 EXHAUSTIVE_FEATURES = 12  # 2^12 subsets are looked at one by one, as in the paper
 BRANCH_NODES = 1000  # subsets that branch and bound may weigh before the greedy search takes over
@@ -33,55 +35,76 @@ class Selected:
 
 
 class GainTable:
-    """Information gain of subsets of discrete features about a label, with shared counting."""
+    """
+    Information gain of subsets of discrete features about a label, with shared counting.
+
+    Args:
+        codes: One feature a column.
+        in_c: Let the kernels in C count.
+    """
 
     def __init__(
-        self, codes: Int[np.ndarray, "rows features"], label: Int[np.ndarray, " rows"]
+        self,
+        codes: Int[np.ndarray, "rows features"],
+        label: Int[np.ndarray, " rows"],
+        *,
+        in_c: bool = False,
     ) -> None:
-        self.codes = np.stack([_dense(column) for column in codes.T], axis=1)
+        self.codes = np.stack([_dense(column) for column in codes.T])
         self.label = _dense(label)
-        self._label_entropy = float(_entropies(self.label[:, None])[0])
-        self._sizes = self.codes.max(axis=0, initial=0) + 1
+        self._in_c = in_c
 
     @cached_property
     def _tails(self) -> list[Int[np.ndarray, " rows"]]:
         """Joint value of each feature and all later ones; the last is that of none."""
         tails = [np.zeros(len(self.label), dtype=np.int64)]
-        for column, size in zip(self.codes.T[::-1], self._sizes[::-1].tolist(), strict=True):
-            tails.append(_dense(tails[-1] * size + column))
+        for code in self.codes[::-1]:
+            tails.append(self._joined(tails[-1], code))
         return tails[::-1]
 
     @property
     def count(self) -> int:
         """Number of features."""
-        return int(self.codes.shape[1])
+        return len(self.codes)
 
     def joint(self, features: tuple[int, ...]) -> Int[np.ndarray, " rows"]:
         """One number for each distinct combination of the features' values."""
         key = np.zeros(len(self.label), dtype=np.int64)
         for feature in features:
-            key = _dense(key * int(self._sizes[feature]) + self.codes[:, feature])
+            key = self._joined(key, self.codes[feature])
         return key
 
     def gain_bits(self, features: tuple[int, ...]) -> float:
         """I(label; features) = H(label) + H(features) - H(label, features), in bits."""
-        return float(self._gains(self.joint(features)[:, None])[0])
+        joint = self.joint(features)
+        return float(self._gains(np.zeros_like(joint), joint[None])[0])
 
     def gains_with_each(
         self, features: tuple[int, ...], first: int = 0
     ) -> Float[np.ndarray, " features"]:
         """Gain of the subset with each single feature from ``first`` on added."""
-        later = self.codes[:, first:]
-        return self._gains(self.joint(features)[:, None] * self._sizes[first:] + later)
+        return self._gains(self.joint(features), self.codes[first:])
 
     def gain_with_all_from(self, features: tuple[int, ...], first: int) -> float:
         """Gain of the subset with feature ``first`` and all later ones added, in bits."""
-        tail = self._tails[first]
-        return float(self._gains((self.joint(features) * (int(tail.max()) + 1) + tail)[:, None])[0])
+        return float(self._gains(self.joint(features), self._tails[first][None])[0])
 
-    def _gains(self, keys: Int[np.ndarray, "rows sets"]) -> Float[np.ndarray, " sets"]:
-        both = keys * (int(self.label.max()) + 1) + self.label[:, None]
-        return self._label_entropy + _entropies(keys) - _entropies(both)
+    def _joined(
+        self, key: Int[np.ndarray, " rows"], code: Int[np.ndarray, " rows"]
+    ) -> Int[np.ndarray, " rows"]:
+        if self._in_c:
+            return native_gains.joined(key, code)
+        return _dense(key * (code.max(initial=0) + 1) + code)
+
+    def _gains(
+        self, joint: Int[np.ndarray, " rows"], codes: Int[np.ndarray, "sets rows"]
+    ) -> Float[np.ndarray, " sets"]:
+        """Gain of a joint value together with each code."""
+        if self._in_c:
+            return native_gains.gains(joint, codes, self.label)
+        keys = joint * (codes.max(axis=1, initial=0)[:, None] + 1) + codes
+        both = keys * (self.label.max(initial=0) + 1) + self.label
+        return _entropies(self.label[None]) + _entropies(keys) - _entropies(both)
 
 
 def select(codes: Int[np.ndarray, "rows features"], label: Int[np.ndarray, " rows"]) -> Selected:
@@ -95,7 +118,7 @@ def select(codes: Int[np.ndarray, "rows features"], label: Int[np.ndarray, " row
         codes: Discretised features, one a column; -1 may stand for "not heard".
         label: What the features should tell.
     """
-    table = GainTable(codes - codes.min(initial=0), label)
+    table = GainTable(codes, label, in_c=native.BUILT)
     full = table.gain_bits(tuple(range(table.count)))
     target = full - TOLERANCE_BITS
     if table.count <= EXHAUSTIVE_FEATURES:
@@ -176,10 +199,10 @@ def _dense(values: Int[np.ndarray, " rows"]) -> Int[np.ndarray, " rows"]:
     return np.unique(values, return_inverse=True)[1].reshape(-1).astype(np.int64)
 
 
-def _entropies(keys: Int[np.ndarray, "rows sets"]) -> Float[np.ndarray, " sets"]:
-    """Entropy in bits of each column's values."""
-    rows, sets = keys.shape
-    ordered = np.sort(keys, axis=0).T
+def _entropies(keys: Int[np.ndarray, "sets rows"]) -> Float[np.ndarray, " sets"]:
+    """Entropy in bits of each row's values."""
+    sets, rows = keys.shape
+    ordered = np.sort(keys, axis=1)
     starts = np.ones((sets, rows), dtype=bool)
     starts[:, 1:] = ordered[:, 1:] != ordered[:, :-1]
     at = np.flatnonzero(starts)

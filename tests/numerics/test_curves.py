@@ -12,7 +12,7 @@ from app.numerics.curves import DEGREE, MAX_LEVERAGE, RIDGE, STRENGTHS, Basis, f
 
 LENGTH_M = 200.0
 GRID_M = np.arange(0.0, LENGTH_M + 0.5)
-SPACING_M = 4.0
+SPACING_M = 1.0
 
 
 def wave(chainage_m: np.ndarray, cells: int = 2) -> np.ndarray:

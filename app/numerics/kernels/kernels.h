@@ -195,6 +195,11 @@ int list_runs(const Places *places, const double *mass, const Atlas *atlas, cons
 int list_candidates(const Places *places, const double *mass, const Atlas *atlas,
                     const Spread *spread, Candidates *listed);
 
+/* entropy.c */
+int join_values(const int64_t *base, const int64_t *code, ptrdiff_t rows, int64_t *joint);
+int information_gains(const int64_t *base, const int64_t *codes, const int64_t *label,
+                      ptrdiff_t rows, ptrdiff_t features, double *gain_bits);
+
 /* geometry.c */
 ptrdiff_t spot(const Atlas *atlas, int64_t road, double chainage_m, double *share);
 double between(const Atlas *atlas, int row, ptrdiff_t low, double share);

@@ -331,12 +331,44 @@ static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t 
     return release(&call, found);
 }
 
+static PyObject *joined(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 3))
+        return NULL;
+    Py_ssize_t rows[1] = {-1};
+    const int64_t *base = array(&call, 'l', READ, 1, rows);
+    const int64_t *code = array(&call, 'l', READ, 1, rows);
+    int64_t *joint = array(&call, 'l', WRITE, 1, rows);
+    if (!call.failed)
+        check(&call, join_values(base, code, rows[0], joint));
+    return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
+}
+
+static PyObject *gains(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 4))
+        return NULL;
+    Py_ssize_t shape[2] = {-1, -1}, rows[1] = {-1};
+    const int64_t *base = array(&call, 'l', READ, 1, rows);
+    shape[1] = rows[0];
+    const int64_t *codes = array(&call, 'l', READ, 2, shape);
+    const int64_t *label = array(&call, 'l', READ, 1, rows);
+    double *gain_bits = array(&call, 'd', WRITE, 1, shape);
+    if (!call.failed)
+        check(&call, information_gains(base, codes, label, rows[0], shape[0], gain_bits));
+    return release(&call, call.failed ? NULL : Py_NewRef(Py_None));
+}
+
 #define KERNEL(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
 
 static PyMethodDef methods[] = {
     KERNEL(heard_columns), KERNEL(evidence), KERNEL(tape), KERNEL(turns),   KERNEL(kept_by_mass),
     KERNEL(heaviest),      KERNEL(rest),     KERNEL(stretch), KERNEL(rows),    KERNEL(redrawn),
-    KERNEL(summary),
+    KERNEL(summary),       KERNEL(joined),   KERNEL(gains),
     {"stretches_about", (PyCFunction)(void (*)(void))stretches_about_places, METH_FASTCALL, NULL},
     KERNEL(under_factors),
     {NULL, NULL, 0, NULL},
@@ -345,7 +377,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 10);
+    return PyModule_AddIntConstant(module, "VERSION", 11);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};
