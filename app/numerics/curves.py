@@ -23,6 +23,8 @@ DEGREE = 1
 STRENGTHS = tuple(float(10**power) for power in np.arange(-1.5, 2.51, 0.5))
 RIDGE = 1e-4  # keeps stretches without a sample solvable; pulls to the cell's own median
 NOISE_PRIOR_SAMPLES = 20  # a cell with few readings borrows the road's noise
+LEAST_NOISE_DB = 0.1  # of levels that never moved: receivers report steps, of 1 dB most of them
+ROUNDING = 1e-9  # dB^2: what is left of levels that a curve meets exactly
 MAX_LEVERAGE = 8.0  # far from any sample the spread says "unknown", not infinity
 
 
@@ -107,6 +109,7 @@ def fit_curves(
     pooled = sum(s.misfit for s in solved) / max(sum(p.count for p in problems), 1)
     misfit, count = np.array([s.misfit for s in solved]), np.array([p.count for p in problems])
     noise_db = np.sqrt((misfit + NOISE_PRIOR_SAMPLES * pooled) / (count + NOISE_PRIOR_SAMPLES))
+    noise_db = np.maximum(noise_db, LEAST_NOISE_DB)
     coefficients = np.stack(
         [s.coefficients_dbm + p.level_dbm for s, p in zip(solved, problems, strict=True)], axis=1
     )
@@ -191,7 +194,7 @@ def _best_strength(problems: list[_Problem]) -> float:
         misfit = sum(solution.misfit for solution in solved)
         determinant = sum(solution.log_determinant for solution in solved)
         rank = sum(problem.gram.shape[1] - 1 for problem in problems)
-        return count * np.log(misfit / count) + determinant - rank * np.log(strength)
+        return count * np.log(max(misfit, ROUNDING) / count) + determinant - rank * np.log(strength)
 
     return min(STRENGTHS, key=deviance)
 

@@ -14,12 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from app.numerics.curves import FittedCurves
+from app.numerics.curves import LEAST_NOISE_DB, FittedCurves
 from app.numerics.passes import RoadPass
 
 FEWEST_PAIRS = 100.0  # of readings of one sample; fewer tell nothing
 MOST_SHARED = 0.06  # of the variance, beyond chance; real drives: 0.2, 19 in 20 above 0.08
-SILENT_DB = 1e-6  # of cells whose level never moved
 CHANCES_SDS = 2.0  # so much of what independent noise would show may be chance
 
 
@@ -36,7 +35,7 @@ def errs_apart(passes: Sequence[RoadPass], curves: FittedCurves, step_m: float) 
     """
     if curves.mean_dbm.shape[1] == 1:
         return True
-    last, noise_db = len(curves.mean_dbm) - 1, np.maximum(curves.noise_db, SILENT_DB)
+    last, noise_db = len(curves.mean_dbm) - 1, np.maximum(curves.noise_db, LEAST_NOISE_DB)
     residual = []
     for one in passes:
         at = np.clip(np.rint(one.chainage_m / step_m), 0, last).astype(int)

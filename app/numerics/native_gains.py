@@ -14,7 +14,7 @@ with suppress(ImportError):
 def joined(
     key: Int[np.ndarray, " rows"], code: Int[np.ndarray, " rows"]
 ) -> Int[np.ndarray, " rows"]:
-    """One number, from 0 on, for each distinct pair of values; both lie under the number of rows."""
+    """One number, from 0 on, for each distinct pair of values, which lie under the rows' count."""
     joint = np.empty(len(key), dtype=np.int64)
     _native.joined(key, code, joint)
     return joint
@@ -25,7 +25,7 @@ def gains(
     codes: Int[np.ndarray, "sets rows"],
     label: Int[np.ndarray, " rows"],
 ) -> Float[np.ndarray, " sets"]:
-    """Twin of `app.numerics.selection.GainTable`: gain in bits of the joint value with each code."""
+    """Twin of `GainTable`: gain in bits of the joint value together with each code."""
     gain_bits = np.empty(len(codes))
     _native.gains(joint, codes, label, gain_bits)
     return gain_bits

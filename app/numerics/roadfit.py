@@ -6,37 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool
 
 from app.domain import Line, Road, RoadModel, Trace
 from app.errors import NoCells, NotEnoughSamples, RoadTooShort
 from app.numerics import carriers
 from app.numerics.centreline import derive_line
-from app.numerics.curves import FittedCurves, fit_curves
+from app.numerics.curves import FittedCurves
 from app.numerics.features import feature_matrix
-from app.numerics.geodesy import Floats
-from app.numerics.hearing import (
-    LISTENING_M,
-    MAPPED_FROM,
-    for_another_pass,
-    heard_probability,
-    listened,
-    stranger_chance,
-)
+from app.numerics.fitting import Fitting
 from app.numerics.heldout import Surface, held_out_evidence
 from app.numerics.independence import errs_apart
 from app.numerics.lines import length_m
 from app.numerics.passes import RoadPass, all_cells, distinct, lay_on_road
-from app.numerics.registration import Registration, register
 from app.numerics.salience import select_salient
 from app.numerics.segmentation import SegmentationParams, cut_road
 from app.numerics.subsegments import FittedRoad, describe_segments
-
-ANOTHER_DAY_DB2 = (
-    2.0  # of variance beyond what one pass knows of itself; of n passes a n^3-th of it
-)
-ROUGHER = 0.25  # times the strength of the penalty, where readings do not err apart
-REGISTERED_ON_M = 6.0  # knots, at least, of the curves that passes are held against for their lags
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +54,7 @@ def fit_road(road: Road, passes: Sequence[Trace], params: FitParams = FitParams(
         NotEnoughSamples, NoCells, RoadTooShort: The passes say too little of this road.
     """
     laid = _lay_all(road, passes, params)
-    work = _Fitting.of(laid, params)
+    work = _fitting(laid, params)
     fitted = _fit(laid.passes, work)
     reference = _reference(laid.cells, laid.traces, fitted.surface)
     return _assemble(road, laid, work, fitted, reference, params)
@@ -94,7 +79,7 @@ def register_road(
         NotEnoughSamples, NoCells, RoadTooShort: The passes say too little of this road.
     """
     laid = _lay_all(road, passes, params)
-    work = _Fitting.of(laid, params)
+    work = _fitting(laid, params)
     found = work.registration(laid.passes, work.curves(laid.passes).strength)
     told = zip(laid.traces, found.lag_s.tolist(), found.level_db.tolist(), strict=True)
     return [RegisteredPass(*each) for each in told]
@@ -134,70 +119,8 @@ def _lay_all(road: Road, every: Sequence[Trace], params: FitParams) -> _Laid:
     return _Laid(line, mapped, kept, on_road)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fitting:
-    """How this road's curves are fitted, to all passes and again to some."""
-
-    end_m: float
-    step_m: float
-    carrier: Int[np.ndarray, " cells"]
-
-    @classmethod
-    def of(cls, laid: _Laid, params: FitParams) -> _Fitting:
-        """For passes laid on their road."""
-        return cls(length_m(laid.line), params.grid_step_m, carriers.numbers(laid.cells))
-
-    @property
-    def grid_m(self) -> Floats:
-        """Chainages of the grid; the last may lie a little beyond the end."""
-        steps = int(np.ceil(self.end_m / self.step_m - 1e-9))
-        return np.arange(steps + 1, dtype=np.float64) * self.step_m
-
-    def curves(self, passes: Sequence[RoadPass], strength: float | None = None) -> FittedCurves:
-        """Splines of every cell that these passes heard; the others' are flat and unmapped."""
-        chainage_m = np.concatenate([one.chainage_m for one in passes])
-        rsrp = np.concatenate([one.rsrp_dbm for one in passes])
-        return fit_curves(chainage_m, rsrp, self.grid_m, self.step_m, strength)
-
-    def surface(self, passes: Sequence[RoadPass], curves: FittedCurves, *, apart: bool) -> Surface:
-        """
-        Curves and hearing on the grid, NaN where no sample near heard the cell.
-
-        Args:
-            apart: Whether readings err independently (`app.numerics.independence`). Where they do
-                not, a pass errs as a whole, and few passes know too little of by how much.
-        """
-        chainage_m = np.concatenate([one.chainage_m for one in passes])
-        share = np.concatenate([one.heard for one in passes])
-        size, carrier = len(self.grid_m), self.carrier
-        heard = heard_probability(chainage_m, share, size, self.step_m, carrier)
-        mapped, by = heard >= MAPPED_FROM, self.passes_by(passes)
-        unseen_db2 = 0.0 if apart else ANOTHER_DAY_DB2 / np.maximum(by, 1.0) ** 3
-        spread_db = np.sqrt(curves.spread_db**2 + unseen_db2)
-        return Surface(
-            np.where(mapped, curves.mean_dbm, np.nan).astype(np.float32),
-            np.where(mapped, spread_db, np.nan).astype(np.float32),
-            np.where(mapped, for_another_pass(heard, by), stranger_chance(by)).astype(np.float32),
-        )
-
-    def registration(self, passes: Sequence[RoadPass], strength: float) -> Registration:
-        """
-        Lag and level of the passes, as far as they tell these of each other.
-
-        Args:
-            strength: Of the penalty on `curves`: between knots farther apart as rough a field
-                changes more, and is held back less.
-        """
-        spacing_m = max(self.step_m, REGISTERED_ON_M)
-        return register(passes, self.end_m, spacing_m, strength * self.step_m / spacing_m)
-
-    def passes_by(self, passes: Sequence[RoadPass]) -> Floats:
-        """How many passes listened to each cell's carrier by each grid point."""
-        by = [
-            listened(one.chainage_m, one.heard, self.grid_m, LISTENING_M, self.carrier)
-            for one in passes
-        ]
-        return np.sum(by, axis=0).astype(float)
+def _fitting(laid: _Laid, params: FitParams) -> Fitting:
+    return Fitting(length_m(laid.line), params.grid_step_m, carriers.numbers(laid.cells))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -217,14 +140,14 @@ class _Fitted:
     likeliest: float
 
 
-def _fit(driven: list[RoadPass], work: _Fitting) -> _Fitted:
+def _fit(driven: list[RoadPass], work: Fitting) -> _Fitted:
     curves = work.curves(driven)
     passes = work.registration(driven, curves.strength).correct(driven)
     if any(now is not before for now, before in zip(passes, driven, strict=True)):
         curves = work.curves(passes)
     apart, likeliest = errs_apart(passes, curves, work.step_m), curves.strength
     if not apart:
-        curves = work.curves(passes, ROUGHER * likeliest)
+        curves = work.curves(passes, work.strength(passes, likeliest, apart=apart))
     return _Fitted(passes, curves, work.surface(passes, curves, apart=apart), apart, likeliest)
 
 
@@ -239,7 +162,7 @@ def _reference(cells: tuple[str, ...], traces: Sequence[Trace], surface: Surface
 def _assemble(
     road: Road,
     laid: _Laid,
-    work: _Fitting,
+    work: Fitting,
     fit: _Fitted,
     reference: int,
     params: FitParams,
@@ -255,7 +178,8 @@ def _assemble(
         # Held-out windows stay as a client would send them, and the others are registered without
         # them: else the map would take its own corrections for accuracy.
         passes = work.registration(driven, fit.likeliest).correct(driven)
-        return work.surface(passes, work.curves(passes, curves.strength), apart=fit.apart)
+        strength = work.strength(passes, fit.likeliest, apart=fit.apart)
+        return work.surface(passes, work.curves(passes, strength), apart=fit.apart)
 
     held_out = held_out_evidence(
         laid.passes, laid.cells, surface, refit, work.step_m, may_draw=fit.apart

@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from app.numerics.curves import DEGREE, MAX_LEVERAGE, RIDGE, STRENGTHS, Basis, fit_curves
+from app.numerics.curves import (
+    DEGREE,
+    LEAST_NOISE_DB,
+    MAX_LEVERAGE,
+    RIDGE,
+    STRENGTHS,
+    Basis,
+    fit_curves,
+)
 
 LENGTH_M = 200.0
 GRID_M = np.arange(0.0, LENGTH_M + 0.5)
@@ -160,7 +168,7 @@ def test_scipy_evaluates_the_coefficients_to_the_mean():
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(length_m=st.floats(0.5, 900.0), spacing_m=st.floats(1.0, 9.0))
 def test_a_basis_covers_its_road_and_sums_to_one(length_m, spacing_m):
-    """At every chainage the four splines that are not zero sum to 1; past an end, that end's."""
+    """At every chainage the two splines that are not zero sum to 1; past an end, that end's."""
     basis = Basis.over(length_m, spacing_m)
     weights = basis.at(np.linspace(-5.0, length_m + 5.0, 57))
     np.testing.assert_allclose(weights.value.sum(axis=1), 1.0, atol=1e-9)
@@ -205,3 +213,12 @@ def test_a_cell_never_heard_is_flat():
     np.testing.assert_array_equal(found.mean_dbm[:, :2], there.mean_dbm)
     assert np.ptp(found.mean_dbm[:, 2]) == 0.0
     assert np.isfinite(found.spread_db).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_levels_that_never_move_are_not_taken_to_be_exact():
+    """Of constant levels the curve is flat, and its spread is that of a receiver's steps."""
+    chainage_m = np.linspace(0.0, LENGTH_M, 80)
+    fitted = fit_curves(chainage_m, np.full((80, 2), -90.0), GRID_M, SPACING_M)
+    np.testing.assert_allclose(fitted.mean_dbm, -90.0, atol=1e-9)
+    assert np.all(fitted.spread_db >= LEAST_NOISE_DB)

@@ -10,7 +10,7 @@ import pytest
 
 from app.domain import Trace
 from app.evaluation.scenario import survey
-from app.numerics import roadfit
+from app.numerics import fitting
 from app.numerics.calibration import UNTRIED, calibrate
 from app.numerics.curves import Basis, FittedCurves
 from app.numerics.evidence_table import DRAWN, DRAWN_BLINDLY, pack, unpack
@@ -75,16 +75,16 @@ def test_one_pass_draws_windows_only_where_readings_err_apart():
 
 
 def test_few_passes_that_err_as_a_whole_know_too_little(monkeypatch):
-    """Their spread is wider by 2 dB^2 of variance for one pass, by an eighth of it for two."""
+    """Their spread is wider by 4 dB^2 of variance for one pass, by an eighth of it for two."""
     truth, one = city_of().roads[0], passes_of()[0][0]
     for passes in ([jolted(one, 5)], [jolted(one, 5), jolted(one, 6)]):
         wide = fit_road(truth.road, passes).spread_db
         with monkeypatch.context() as patched:
-            patched.setattr(roadfit, "ANOTHER_DAY_DB2", 0.0)
+            patched.setattr(fitting, "ANOTHER_DAY_DB2", 0.0)
             own = fit_road(truth.road, passes).spread_db
         known = ~np.isnan(own)
         more_db2 = wide[known] ** 2 - own[known] ** 2
-        np.testing.assert_allclose(more_db2, 2.0 / len(passes) ** 3, rtol=1e-3)
+        np.testing.assert_allclose(more_db2, 4.0 / len(passes) ** 3, rtol=1e-3)
 
 
 def test_levels_that_never_move_err_apart():

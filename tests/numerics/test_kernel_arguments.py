@@ -52,6 +52,11 @@ def arguments(seed: int) -> dict[str, list[object]]:
             *(np.ones((4, 3, 5), dtype=np.float32), *np.array([[0, 1], [2, 3], [5, 2]])),
             *(1, 4, terms, np.empty((2, 5), dtype=np.float32)),
         ],
+        "joined": [*np.array([[0, 1, 1], [2, 0, 2]]), np.empty(3, dtype=np.int64)],
+        "gains": [
+            *(np.array([0, 1, 1]), np.array([[2, 0, 2], [0, 0, 1]]), np.array([0, 1, 0])),
+            np.empty(2),
+        ],
         "kept_by_mass": [score, 1.0, 1e-4, 50, np.empty(50, dtype=np.int64)],
         "heaviest": [score, 1.0, 1e-4, 5e-3, 50, np.empty(51, dtype=np.int64)],
         "rest": [

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import entropy
 
+from app.numerics import native
 from app.numerics.selection import (
     EXHAUSTIVE_FEATURES,
     TOLERANCE_BITS,
@@ -67,6 +68,26 @@ def test_gain_is_what_the_features_take_from_the_entropy(table):
         by_joint = entropy_bits(label) + entropy_bits(*chosen.T) - entropy_bits(label, *chosen.T)
         assert gains.gain_bits(subset) == pytest.approx(by_condition, abs=1e-9)
         assert gains.gain_bits(subset) == pytest.approx(by_joint, abs=1e-9)
+
+
+@pytest.mark.skipif(not native.BUILT, reason="installed without a C compiler")
+@settings(deadline=None, max_examples=60)
+@given(table=tables(), seed=st.integers(0, 1000))
+def test_the_kernels_count_the_same(table, seed):
+    """Gains counted in C are those of the definition, for any subset and what is added to it."""
+    plain, in_c = GainTable(*table), GainTable(*table, in_c=True)
+    rng = np.random.default_rng(seed)
+    subset = tuple(np.flatnonzero(rng.random(plain.count) < 0.4).tolist())
+    first = int(rng.integers(plain.count))
+    assert in_c.gain_bits(subset) == pytest.approx(plain.gain_bits(subset), abs=1e-12)
+    np.testing.assert_allclose(
+        in_c.gains_with_each(subset, first), plain.gains_with_each(subset, first), atol=1e-12
+    )
+    assert in_c.gain_with_all_from(subset, first) == pytest.approx(
+        plain.gain_with_all_from(subset, first), abs=1e-12
+    )
+    values = np.unique(np.stack([plain.joint(subset), in_c.joint(subset)]), axis=1)
+    assert values.shape[1] == len(set(plain.joint(subset).tolist()))
 
 
 @settings(derandomize=True, deadline=None, max_examples=25)
