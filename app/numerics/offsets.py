@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Float
 
 BROAD_OFFSET_SD_DB = 6.0  # devices differ by up to 8 dB
-BROAD_OFFSET_SHARE = 0.1  # how often a device is unlike those of the surveys
+BROAD_OFFSET_SHARE = 0.3  # how often a device is unlike those of the surveys
 CARRIER_OFFSET_SD_DB = 2.0  # of each carrier about the device; chosen on survey passes held out
 
 
