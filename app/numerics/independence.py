@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from app.numerics.curves import LEAST_NOISE_DB, FittedCurves
+from app.numerics.curves import FittedCurves
 from app.numerics.passes import RoadPass
 
 FEWEST_PAIRS = 100.0  # of readings of one sample; fewer tell nothing
@@ -35,11 +35,11 @@ def errs_apart(passes: Sequence[RoadPass], curves: FittedCurves, step_m: float) 
     """
     if curves.mean_dbm.shape[1] == 1:
         return True
-    last, noise_db = len(curves.mean_dbm) - 1, np.maximum(curves.noise_db, LEAST_NOISE_DB)
+    last = len(curves.mean_dbm) - 1
     residual = []
     for one in passes:
         at = np.clip(np.rint(one.chainage_m / step_m), 0, last).astype(int)
-        residual.append((one.rsrp_dbm - curves.mean_dbm[at]) / noise_db)
+        residual.append((one.rsrp_dbm - curves.mean_dbm[at]) / curves.noise_db)
     shared = shared_part(np.concatenate(residual))
     return shared is not None and shared.part <= MOST_SHARED + CHANCES_SDS * shared.sd
 

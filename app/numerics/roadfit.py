@@ -146,8 +146,9 @@ def _fit(driven: list[RoadPass], work: Fitting) -> _Fitted:
     if any(now is not before for now, before in zip(passes, driven, strict=True)):
         curves = work.curves(passes)
     apart, likeliest = errs_apart(passes, curves, work.step_m), curves.strength
-    if not apart:
-        curves = work.curves(passes, work.strength(passes, likeliest, apart=apart))
+    strength = work.strength(passes, likeliest, apart=apart)
+    if strength != likeliest:
+        curves = work.curves(passes, strength)
     return _Fitted(passes, curves, work.surface(passes, curves, apart=apart), apart, likeliest)
 
 

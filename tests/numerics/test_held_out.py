@@ -12,7 +12,7 @@ from app.domain import Trace
 from app.evaluation.scenario import survey
 from app.numerics import fitting
 from app.numerics.calibration import UNTRIED, calibrate
-from app.numerics.curves import Basis, FittedCurves
+from app.numerics.curves import fit_curves
 from app.numerics.evidence_table import DRAWN, DRAWN_BLINDLY, pack, unpack
 from app.numerics.independence import FEWEST_PAIRS, errs_apart, shared_part
 from app.numerics.passes import RoadPass
@@ -91,9 +91,18 @@ def test_levels_that_never_move_err_apart():
     """Cells without any noise, as made-up surveys have them, are no division by zero."""
     flat = np.full((201, 2), -90.0)
     still = RoadPass(np.arange(201.0), flat, np.ones_like(flat), "day")
-    basis = Basis.over(200.0, 3.0)
-    curves = FittedCurves(basis, np.full((basis.size, 2), -90.0), np.zeros(2), flat, flat, 1.0)
+    curves = fit_curves(still.chainage_m, flat, np.arange(201.0), 1.0)
     assert errs_apart([still], curves, 1.0)
+
+
+def test_one_pass_is_held_back_and_many_may_follow_the_field():
+    """Three times the likeliest strength for one pass, towards a quarter of it for many."""
+    flat = np.full((201, 2), -90.0)
+    one = RoadPass(np.arange(201.0), flat, np.ones_like(flat), "day")
+    work = fitting.Fitting(200.0, 1.0, np.zeros(2, dtype=np.intp))
+    told = [work.strength([one] * many, 2.0, apart=False) for many in (1, 2, 10)]
+    assert told == pytest.approx([6.0, 2.0 * (0.25 + 2.75 / 4), 2.0 * (0.25 + 2.75 / 100)])
+    assert work.strength([one], 2.0, apart=True) == 2.0
 
 
 def test_serving_cells_alone_draw_none():
