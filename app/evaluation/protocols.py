@@ -23,7 +23,7 @@ from app.evaluation.passes import Drive, window_of
 from app.evaluation.streams import Purpose, stream
 from app.evaluation.truth import Truth
 from app.numerics.geodesy import Floats
-from app.numerics.segmentation import cut_road
+from app.numerics.segmentation import SegmentationParams, cut_road
 
 Protocol = Literal["anywhere", "aligned"]
 PROTOCOLS: tuple[Protocol, ...] = ("anywhere", "aligned")
@@ -91,7 +91,8 @@ def singular_points_m(one: Drive) -> Floats:
     padded = np.pad(np.stack(columns, axis=1), ((reach + 1, reach), (0, 0)), mode="edge")
     total = np.cumsum(padded, axis=0)
     smooth = (total[2 * reach + 1 :] - total[: -2 * reach - 1]) / (2 * reach + 1)
-    return cut_road(smooth, 1.0, float(even_m[-1] - even_m[0])) + travelled_m[0]
+    as_it_is = SegmentationParams(trend_m=1.0)  # smoothed already
+    return cut_road(smooth, 1.0, float(even_m[-1] - even_m[0]), as_it_is) + travelled_m[0]
 
 
 class Span(NamedTuple):

@@ -152,6 +152,7 @@ def under_factors(
     parts: int,
     where_before: Wholes,
     values_before: Floats,
+    straight: int,
     where: Wholes,
     values: Floats,
     log_prior: Floats,

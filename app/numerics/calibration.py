@@ -49,6 +49,8 @@ TEMPERATURES = np.geomspace(0.05, 40.0, 24)
 POSITION_SDS_M = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 11.0)
 INFORMATION_ONCE = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
 INFORMATION_EACH = tuple(float(each) for each in np.geomspace(0.01, 20.0, 31))
+# Of windows drawn reading by reading from the map's own curves: every sample counts, in its place
+EVERY_SAMPLE = (0.0, INFORMATION_EACH[-1], 0.0)
 
 
 def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> Calibration:
@@ -72,10 +74,12 @@ def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> 
     )
     index = index.recalibrated(learnt)
     sizes = np.array([size_of(one.truth) for one in asked])
-    if given is None:
-        likeliest = _most_probable(asked, sizes, index.offset_prior, index.lengths_m)
-    else:
+    if given is not None:
         likeliest = (given.information_once, given.information_each, given.position_sd_m)
+    elif not any(one.truth.measured for one in asked):
+        likeliest = EVERY_SAMPLE
+    else:
+        likeliest = _most_probable(asked, sizes, index.offset_prior, index.lengths_m)
     once, each, error_m = likeliest
     learnt = replace(
         learnt,

@@ -33,7 +33,7 @@ MOST_KEPT = 4000  # coarse positions of a `shortlist`
 LACKED = 4  # cells that a tape may lack which another knows, and still be where the window was
 KNOWN_SHARE = 0.25  # of the cells that the best tape knows: who knows as many may lack more
 LOOKED_AT = 0.995  # share of the posterior that is aligned; the rest keeps its coarse scores
-MOST_ALIGNED = 144  # coarse positions, not counting neighbours: bounds the time of a query
+MOST_ALIGNED = 192  # coarse positions, not counting neighbours: bounds the time of a query
 FLANK = 1  # neighbours on either side that are aligned with a position
 
 

@@ -22,9 +22,8 @@ from app.numerics.heldout import Surface
 from app.numerics.passes import RoadPass
 from app.numerics.registration import Registration, register
 
-ANOTHER_DAY_DB2 = (
-    4.0  # of variance beyond what one pass knows of itself; of n passes a n^3-th of it
-)
+# Of variance beyond what one pass knows of itself; of n passes an n^3-th of it
+ANOTHER_DAY_DB2 = 4.0
 # Times the likeliest strength of the penalty, where readings do not err apart: of one pass, of many
 STRENGTH_ALONE, STRENGTH_TOGETHER = 3.0, 0.25
 REGISTERED_ON_M = 6.0  # knots, at least, of the curves that passes are held against for their lags

@@ -98,6 +98,7 @@ def with_hypotheses(
     others = under_other_factors(index, query, straight, places)
     if others is None:
         return Placed(places, log_prior)
+    log_prior += others.together
     return Placed(others.places, np.concatenate((log_prior, others.log_prior)))
 
 

@@ -43,7 +43,7 @@ def under_factors(
     factors: tuple[Floats, Floats, float],
     terms: Likelihood,
     drawn: tuple[Floats, float, int, int, int, int],
-    before: Places,
+    given: tuple[Places, int],
 ) -> tuple[Places, Floats]:
     """
     The rest of `app.numerics.odometer.under_other_factors`, the places before included.
@@ -52,11 +52,13 @@ def under_factors(
         factors: What distances are multiplied by, the logs of its prior, and the temperature.
         drawn: Each road's step, how far under the best a peak may lie, places about a peak, places
             that a row needs, rows at most, and parts that a step is divided into.
+        given: The places before, and how many of them lie along single roads.
 
     Returns:
         All places, and the log priors of the last ones.
     """
     step_m, lowest, around, least, most, parts = drawn
+    before, straight = given
     room = len(factors[0]) * sum([one[6] - one[5] + 1 for one in stretches])
     room += most * (parts - 1) * 2 * around
     count = len(before) + room
@@ -78,6 +80,7 @@ def under_factors(
         parts,
         before.where,
         before.values,
+        straight,
         where,
         values,
         log_prior,

@@ -4,16 +4,18 @@ Windows whose odometer is a few per cent off.
 Tyres, slip and wheel counts make a vehicle's metres longer or shorter than the map's by a factor
 that holds for a whole window and that nobody reports. Each of a few factors is a hypothesis of its
 own: about the places that carry mass the window is laid again with its distances multiplied, and
-the places of all factors share the posterior by the factors' prior. Where the place is known no
-better than the factor could move it there is nothing to tell, and nothing is laid again.
+the places of all factors share the posterior by the factors' prior. A place that is not laid again
+is as likely under each of them as it is at its word. Where the place is known no better than the
+factor could move it there is nothing to tell, and nothing is laid again.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from app.numerics import native, native_factors
 from app.numerics.index import MapIndex
@@ -25,8 +27,8 @@ from app.numerics.refinement import LIGHTEST as DRAWN_FROM
 from app.numerics.stretches import Stretch, lay
 
 SCALE_SD = 0.03  # of odometers that err at all: worn tyres, wrong ones, slip
-EXACT = 0.7  # share of odometers that do not, before anything is seen
-FINE_SDS = (-1.6, -0.8, 0.8, 1.6)
+EXACT = 0.3  # share of odometers that do not, before anything is seen
+FINE_SDS = (-1.8, -0.9, 0.9, 1.8)
 ROUGH_SDS = (-(3.0**0.5), 3.0**0.5)  # Gauss and Hermite's with the middle: exact for wide peaks
 ROUGH_SHARE = 1.0 / 6.0  # of each of these
 FINE_FROM = 1.0  # of a peak's width that one standard deviation moves the oldest sample by
@@ -47,6 +49,11 @@ class Factors:
 
     value: Float[np.ndarray, " factors"]
     log_prior: Float[np.ndarray, " factors"]
+
+    @property
+    def together(self) -> float:
+        """Log of all shares, that of 1 included, against the share of 1."""
+        return float(np.log1p(np.exp(self.log_prior).sum()))
 
     @classmethod
     def rough(cls) -> Factors:
@@ -96,10 +103,12 @@ class Others:
     Attributes:
         log_prior: Of each of the new places, whose scores hold it times the temperature, against
             one of the window taken at its word.
+        together: The same of places that were there before and stand for every factor.
     """
 
     places: Places
     log_prior: Float[np.ndarray, " new"]
+    together: float
 
 
 def under_other_factors(
@@ -110,7 +119,7 @@ def under_other_factors(
 
     Args:
         straight: Along single roads, the window taken at its word.
-        before: What the new places are to follow.
+        before: What the new places are to follow: those along single roads, then any others.
 
     Returns:
         None where no factor could be told.
@@ -126,7 +135,23 @@ def under_other_factors(
     laid = Places.join([lay(index, one, stretches) for one in queries])
     laid, count = refine_each(index, queries, laid)
     log_prior = np.repeat(factors.log_prior, count)
-    return Others(Places.join((before, raised(laid, temperature * log_prior))), log_prior)
+    standing = np.ones(len(before), dtype=bool)
+    standing[: len(straight)] = ~_within(index, straight, stretches)
+    weighed = raised(before, temperature * factors.together * standing)
+    laid = raised(laid, temperature * log_prior)
+    return Others(Places.join((weighed, laid)), log_prior, factors.together)
+
+
+def _within(
+    index: MapIndex, places: Places, stretches: Sequence[Stretch]
+) -> Bool[np.ndarray, " places"]:
+    """Which of the places lie along a stretch, or by half a step beyond it."""
+    found = np.zeros(len(places), dtype=bool)
+    for number, sign, first, last in stretches:
+        at = places.chainage_m * (1.0 / index.roads[number].step_m)
+        along = (places.road == number) & (places.sign == sign)
+        found |= along & (at >= first - 0.5) & (at <= last + 0.5)
+    return found
 
 
 def _in_c(
@@ -154,11 +179,10 @@ def _in_c(
         stretches.append((along.rows, along.bend, cells, *one, road.step_m, road.length_m))
     priors = (factors.value, factors.log_prior, temperature)
     drawn = (atlas.step_m, DRAWN_FROM * temperature, AROUND, MIN_ROW, MOST_ROWS, PARTS)
-    return Others(
-        *native_factors.under_factors(
-            told, stretches, priors, query.likelihood(index), drawn, before
-        )
+    places, log_prior = native_factors.under_factors(
+        told, stretches, priors, query.likelihood(index), drawn, (before, len(straight))
     )
+    return Others(places, log_prior, factors.together)
 
 
 def peak_width_m(places: Places, temperature: float) -> float:

@@ -2,7 +2,9 @@
 Sub-segments: a road cut at the singular points where the trend of some cell changes (Eq. 5).
 
 The search is `ruptures.BottomUp`; the objective is ours. Gradients are those of the fitted curves:
-the gradient of raw samples is all noise (2.8 dB/m of it against slopes of 0.1 dB/m).
+the gradient of raw samples is all noise (2.8 dB/m of it against slopes of 0.1 dB/m). A fitted curve
+is as rough as its field, so a trend is looked for in its gradient over some metres; each cut then
+moves to where, within these metres, the curve itself breaks.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 from ruptures.base import BaseCost
 from ruptures.detection import BottomUp
+from scipy.ndimage import uniform_filter1d
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +29,13 @@ class SegmentationParams:
             the road hold on average. Eq. (5) alone falls with every cut and would cut everywhere.
         min_length_m: Shorter ones join a neighbour; below some 16 m features are noise.
         max_length_m: Longer ones are cut evenly, so that a sub-segment names a place.
+        trend_m: A trend is the gradient over so many metres; roughness within them is none.
     """
 
     penalty_m: float = 6.0
     min_length_m: float = 16.0
     max_length_m: float = 60.0
+    trend_m: float = 5.0
 
 
 class GradientVarianceCost(BaseCost):  # type: ignore[misc]  # ruptures ships no types
@@ -82,14 +87,26 @@ def cut_road(
         # Sums in another order differ in the last bit, which decides ties: the columns' own values
         # order them, so that the order of the cells does not.
         gradient = gradient[:, np.lexsort(gradient)]
-        cost = GradientVarianceCost().fit(gradient)
-        price = params.penalty_m * cost.error(0, len(gradient)) / length_m
-        search = BottomUp(custom_cost=cost, min_size=1, jump=1).fit(gradient)
+        reach = max(round(0.5 * (params.trend_m / step_m - 1.0)), 0)  # steps to either side
+        trend = uniform_filter1d(gradient, 2 * reach + 1, axis=0)
+        cost = GradientVarianceCost().fit(trend)
+        price = params.penalty_m * cost.error(0, len(trend)) / length_m
+        search = BottomUp(custom_cost=cost, min_size=1, jump=1).fit(trend)
         cuts = search.predict(pen=max(price, 1e-12))[:-1]
         BottomUp.merge.cache_clear()  # its lru_cache would keep every road's arrays alive
+        cuts = _at_breaks(cuts, GradientVarianceCost().fit(gradient), reach)
         cuts = _absorb_short(cuts, cost, max(1, round(params.min_length_m / step_m)))
     edges_m = [0.0, *(cut * step_m for cut in cuts), length_m]
     return np.concatenate([*_even_parts(edges_m, params.max_length_m), [length_m]])
+
+
+def _at_breaks(cuts: list[int], cost: GradientVarianceCost, reach: int) -> list[int]:
+    """Each cut where it costs least between its neighbours, at most ``reach`` rows away."""
+    moved = set()
+    for before, cut, after in zip([0, *cuts], cuts, [*cuts[1:], len(cost.signal)], strict=False):
+        near = range(max(cut - reach, before + 1), min(cut + reach, after - 1) + 1)
+        moved.add(min(near, key=lambda at: cost.error(before, at) + cost.error(at, after)))
+    return sorted(moved)
 
 
 def _absorb_short(cuts: list[int], cost: GradientVarianceCost, shortest: int) -> list[int]:

@@ -184,6 +184,17 @@ def test_drawn_windows_tell_nothing_of_devices():
     assert odds[0] == pytest.approx(odds[1])
 
 
+def test_where_all_windows_are_drawn_every_sample_counts():
+    """They were drawn reading by reading: there is nothing to learn of it, and chance is not."""
+    for cells in (1, 3, 6):
+        told = index_of(cells=cells).calibration
+        for window, _ in windows(city_of(cells=cells), 5, length_m=30.0):
+            query = ask(index_of(cells=cells), window)
+            samples = len(query.fine.weight)
+            assert told.information(query.weight, samples) == samples
+        assert told.position_sd_m == told.segment_sd_m == 0.0
+
+
 def test_maps_of_before_answer_as_before():
     """Four coefficients, as stored by older versions: the offset has no say."""
     older = Calibration(off_map=(1.2, 2.3, 0.4, 1.6))

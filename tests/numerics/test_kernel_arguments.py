@@ -73,7 +73,7 @@ def arguments(seed: int) -> dict[str, list[object]]:
         "under_factors": [
             *(*over_road, [stretch_of(index, query, 1, 3, 7), stretch_of(index, query, 0, 2, 2)]),
             *(np.array([0.97, 1.03]), np.array([-2.0, -3.0]), 2.0, terms),
-            *(atlas.step_m, 7.0, 3, 3, 6, 5, *old),
+            *(atlas.step_m, 7.0, 3, 3, 6, 5, *old, 4),
             *(np.zeros(2 * (len(places) + 99), dtype=np.int64), np.zeros(5 * (len(places) + 99))),
             np.zeros(99),
         ],

@@ -207,7 +207,8 @@ def test_other_factors_are_the_same(seed, temperature):
     index, window = map_of(gentle(seed % 5), calibration), a_window(seed)
     plain, fast = ask(index, window), ask(index, window, in_c=True)
     straight = refine(index, plain, fine_places(index, plain, shortlist(index, plain)))
-    before = straight.slice(0, 2).take(np.array([1, 0]))
+    others = straight.slice(0, 2).take(np.array([1, 0]))
+    before = posterior.Places.join((straight, others))
     slow, quick = (under_other_factors(index, one, straight, before) for one in (plain, fast))
     assert (slow is None) == (quick is None)
     if slow is None or quick is None:

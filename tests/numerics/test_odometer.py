@@ -20,10 +20,11 @@ from app.numerics.odometer import (
     factors_for,
     multiplied,
     peak_width_m,
+    stretches_about,
     under_other_factors,
 )
 from app.numerics.offmap import off_map_probability
-from app.numerics.posterior import masses, raised
+from app.numerics.posterior import Places, masses, raised
 from app.numerics.query import ask
 from tests.numerics.cities import city_of, index_of
 
@@ -115,6 +116,36 @@ def test_narrow_peaks_have_more_factors_than_wide_ones():
             told = factors_for(query, peak_width_m(straight, query.temperature(index.calibration)))
             found.add(0 if told is None else len(told.value))
     assert {len(ROUGH.value), len(FINE.value)} <= found
+
+
+def test_places_that_are_not_laid_again_stand_for_every_factor():
+    """They gain what the factors' shares are together; those laid again and their order stay."""
+    index, kept = index_of(cells=2), 0
+    for window, _ in windows(city_of(cells=2), 10, length_m=30.0):
+        query = ask(index, window)
+        straight, temperature = straight_of(index, query), query.temperature(index.calibration)
+        turned = straight.slice(0, 3)
+        before = Places.join((straight, turned))
+        others = under_other_factors(index, query, straight, before)
+        if others is None:
+            continue
+        gained = (others.places.score[: len(before)] - before.score) / temperature
+        again = np.zeros(len(before), dtype=bool)
+        for road, sign, first, last in stretches_about(index, query, straight, temperature):
+            beyond_m = 0.5 * index.roads[road].step_m
+            along = (straight.road == road) & (straight.sign == sign)
+            along &= straight.chainage_m >= first * index.roads[road].step_m - beyond_m
+            along &= straight.chainage_m <= last * index.roads[road].step_m + beyond_m
+            again[: len(straight)] |= along
+        factors = factors_for(query, peak_width_m(straight, temperature))
+        assert factors is not None
+        exact = 1.0 / (1.0 + np.exp(factors.log_prior).sum())
+        assert others.together == pytest.approx(-np.log(exact))
+        np.testing.assert_allclose(gained, np.where(again, 0.0, others.together), atol=1e-9)
+        np.testing.assert_array_equal(others.places.where[:, : len(before)], before.where)
+        assert again[straight.score.argmax()]
+        kept += int(again.sum())
+    assert kept > 0
 
 
 def test_the_true_factor_carries_the_mass():

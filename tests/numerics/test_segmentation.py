@@ -43,6 +43,37 @@ def test_a_break_of_slope_is_found_within_two_steps(break_m, step_m, seed):
     assert np.abs(edges_m - break_m).min() <= 2.0 * step_m
 
 
+def trends(seed: int) -> np.ndarray:
+    """Six cells whose slopes change each 30 m of 300 m, on a field far rougher than they are."""
+    rng = np.random.default_rng(seed)
+    slope = rng.uniform(-0.5, 0.5, (10, 6)).repeat(30, axis=0)
+    steps = slope + rng.normal(0.0, 0.8, slope.shape)
+    return -90.0 + np.concatenate([np.zeros((1, 6)), np.cumsum(steps, axis=0)])
+
+
+def test_roughness_within_a_trend_hides_no_trend():
+    """On a field as rough as real ones most changes are found, metre by metre next to none."""
+    found = {1.0: 0, 5.0: 0}
+    for seed in range(12):
+        for trend_m in found:
+            params = SegmentationParams(max_length_m=300.0, trend_m=trend_m)
+            edges_m = cut_road(trends(seed), 1.0, 300.0, params)
+            breaks_m = range(30, 300, 30)
+            found[trend_m] += sum(np.abs(edges_m - at_m).min() <= 4.0 for at_m in breaks_m)
+    assert SegmentationParams().trend_m == 5.0
+    assert found[5.0] >= 0.6 * 12 * 9
+    assert found[1.0] < 0.5 * found[5.0]
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(break_m=st.integers(20, 90), trend_m=st.sampled_from([1.0, 5.0, 9.0]))
+def test_a_cut_lies_where_the_curve_breaks(break_m, trend_m):
+    """However long a trend is, a clean break is cut at its very metre."""
+    params = SegmentationParams(max_length_m=200.0, trend_m=trend_m)
+    edges_m = cut_road(roof(float(break_m), 110.0, 1.0), 1.0, 110.0, params)
+    np.testing.assert_allclose(edges_m, [0.0, break_m, 110.0])
+
+
 def test_a_clean_break_is_the_only_cut():
     """Without noise, one break makes two sub-segments."""
     edges_m = cut_road(roof(50.0, 110.0, 1.0), 1.0, 110.0, SegmentationParams(max_length_m=200.0))

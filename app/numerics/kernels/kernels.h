@@ -185,7 +185,7 @@ ptrdiff_t stretches_about(const Places *places, const double *step_m, const int6
                           ptrdiff_t roads, const Heavy *heavy, double *width_m, Laid *found);
 ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
                       const Likelihood *likelihood, const Drawing *drawing, const Places *before,
-                      Room *room, double *log_prior);
+                      ptrdiff_t straight, Room *room, double *log_prior);
 
 /* spread.c */
 int list_runs(const Places *places, const double *mass, const Atlas *atlas, const Spread *spread,

@@ -179,14 +179,50 @@ static int draw_all(const Laid *stretches, ptrdiff_t size, const Places *laid, c
     return 0;
 }
 
+/* Whether one of the stretches, which stand in order, holds a place or ends half a step from it. */
+static int within(const Laid *stretches, ptrdiff_t count, const Spot *spot)
+{
+    const Laid *low = stretches, *high = stretches + count;
+    while (low < high) {
+        const Laid *one = low + (high - low) / 2;
+        Spot first = {one->road, one->sign, ((double)one->first - 0.5) * one->step_m};
+        if (along_roads(&first, spot) > 0) {
+            high = one;
+            continue;
+        }
+        Spot last = {one->road, one->sign, ((double)one->last + 0.5) * one->step_m};
+        if (along_roads(spot, &last) <= 0)
+            return 1;
+        low = one + 1;
+    }
+    return 0;
+}
+
+/* Places that were not laid again, the first in the room, stand for every factor. */
+static void stand_for_all(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
+                          const Places *before, ptrdiff_t straight, const Room *room)
+{
+    double together = 1.0, *score = room->values + SCORE * room->count;
+    for (ptrdiff_t factor = 0; factor < factors->count; factor++)
+        together += exp(factors->log_prior[factor]);
+    together = factors->temperature * log(together);
+    const double *at_m = before->values + CHAINAGE * before->count;
+    for (ptrdiff_t i = 0; i < before->count; i++) {
+        Spot spot = {before->road[i], before->sign[i], at_m[i]};
+        if (i >= straight || !within(stretches, count, &spot))
+            score[i] += together;
+    }
+}
+
 /*
  * The places before, then those of every stretch under every factor, their peaks drawn anew and
- * what is known of their factors in their scores; how many the latter are. The room is on the way
- * in as large as it may become, and then as large as it has become.
+ * what is known of their factors in their scores; how many the latter are. Of the places before the
+ * first lie along single roads. The room is on the way in as large as it may become, and then as
+ * large as it has become.
  */
 ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
                       const Likelihood *likelihood, const Drawing *drawing, const Places *before,
-                      Room *room, double *log_prior)
+                      ptrdiff_t straight, Room *room, double *log_prior)
 {
     ptrdiff_t size = 0, samples = stretches->told.samples, parts = drawing->parts, found = 0;
     for (ptrdiff_t i = 0; i < count; i++)
@@ -214,6 +250,8 @@ ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *
         fault = draw_all(stretches, size, &laid, rows, found, factors, likelihood->like_db2, parts,
                          memory, room, before->count);
     }
+    if (fault >= 0)
+        stand_for_all(stretches, count, factors, before, straight, room);
     if (fault >= 0)
         weigh(factors, size, rows, found, parts, room, before->count, log_prior);
     free(memory);

@@ -116,7 +116,7 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 20))
+    if (!begin(&call, arguments, given, 21))
         return NULL;
     Told window = told(&call);
     Py_ssize_t count, factors[1] = {-1}, where_size[1] = {-1}, size[1] = {-1}, priors[1] = {-1};
@@ -130,6 +130,8 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
     Likelihood terms = likelihood(&call);
     Drawing drawn = drawing(&call);
     Places before = places(&call);
+    Py_ssize_t straight = whole(&call);
+    demand(&call, 0 <= straight && straight <= before.count, "not a number of these places");
     int64_t *where = array(&call, 'l', WRITE, 1, where_size);
     double *values = array(&call, 'd', WRITE, 1, size);
     double *log_prior = array(&call, 'd', WRITE, 1, priors);
@@ -144,7 +146,7 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
     ptrdiff_t found = 0;
     if (!call.failed)
         check(&call, found = lay_factors(stretches, count, &hypotheses, &terms, &drawn, &before,
-                                         &room, log_prior));
+                                         straight, &room, log_prior));
     while (taken > 0)
         release(&held[--taken].call, NULL);
     free(held);
