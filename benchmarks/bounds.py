@@ -119,8 +119,18 @@ def maps_of(city: City, scenario: Scenario) -> list[tuple[str, MapIndex]]:
         fit_road(truth.road, [one for one in passes if one.road_id == truth.road_id])
         for truth in city.roads
     ]
-    found = [("fitted to the survey", fitted, calibrate(fitted))]
     known = Calibration(offset_sd_db=max(scenario.device_offset_sd_db, 0.5))
+    found = [("fitted to the survey", fitted, calibrate(fitted))]
+    found += [(name, models, known) for name, models in of_true_curves(city, fitted)]
+    return [
+        (name, MapIndex.build(RadioMap(1, tuple(models), calibration)))
+        for name, models, calibration in found
+    ]
+
+
+def of_true_curves(city: City, fitted: Sequence[RoadModel]) -> list[tuple[str, list[RoadModel]]]:
+    """The roads with the curves of the survey's day, and with those of when vehicles drive."""
+    scenario, found = city.scenario, []
     for name, drifted, unknown_db in (
         ("true on the survey's day", False, scenario.drift_db),
         ("true when driving", True, 0.0),
@@ -130,11 +140,8 @@ def maps_of(city: City, scenario: Scenario) -> list[tuple[str, MapIndex]]:
             told_the_truth(model, truth, scenario, drifted=drifted, spread_db=noise_db)
             for model, truth in zip(fitted, city.roads, strict=True)
         ]
-        found.append((name, models, known))
-    return [
-        (name, MapIndex.build(RadioMap(1, tuple(models), calibration)))
-        for name, models, calibration in found
-    ]
+        found.append((name, models))
+    return found
 
 
 def told_the_truth(

@@ -11,7 +11,6 @@ prior has it. Windows of 10 s, or of 30 m where samples do not come by the clock
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -28,7 +27,7 @@ from app.numerics.matching import locate
 from app.numerics.offmap import OFF_MAP_PRIOR
 from app.numerics.reliability import auroc, calibration_error, curve_of
 from app.numerics.roadfit import fit_road
-from benchmarks.bounds import asked_of, told_the_truth
+from benchmarks.bounds import asked_of, of_true_curves
 
 FIRST_SEED = 701  # seeds that nothing was tuned on
 SEEDS, WINDOWS = 6, 100
@@ -61,7 +60,7 @@ def main() -> None:
 
 def maps_of(city: City) -> Iterator[tuple[str, list[RoadModel], Calibration]]:
     """The fitted map, and the same roads with the scenario's own curves."""
-    scenario, passes = city.scenario, survey(city)
+    passes = survey(city)
     fitted = [
         fit_road(truth.road, [one for one in passes if one.road_id == truth.road_id])
         for truth in city.roads
@@ -72,17 +71,9 @@ def maps_of(city: City) -> Iterator[tuple[str, list[RoadModel], Calibration]]:
         learnt,
         information_once=0.0,
         information_each=KNOWN,
-        offset_sd_db=max(scenario.device_offset_sd_db, 0.5),
+        offset_sd_db=max(city.scenario.device_offset_sd_db, 0.5),
     )
-    for name, drifted, unknown_db in (
-        ("true on the survey's day", False, scenario.drift_db),
-        ("true when driving", True, 0.0),
-    ):
-        noise_db = math.hypot(scenario.noise_db, unknown_db)
-        models = [
-            told_the_truth(model, truth, scenario, drifted=drifted, spread_db=noise_db)
-            for model, truth in zip(fitted, city.roads, strict=True)
-        ]
+    for name, models in of_true_curves(city, fitted):
         yield name, models, known
 
 

@@ -59,7 +59,8 @@ def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> 
 
     Args:
         models: All roads of the map; those without evidence have no say.
-        given: Whose information and position error to take; None = the most probable ones.
+        given: Whose information and position error to take; None = the most probable ones, or
+            `EVERY_SAMPLE` where all held-out windows are drawn.
 
     Returns:
         `UNTRIED` where there is too little evidence to say better.

@@ -67,8 +67,8 @@ class Placed:
 
     Attributes:
         log_prior: What is known beforehand of the last places, whose scores hold it times the
-            window's temperature, against those of a road that the window lies along. Of these
-            nothing is known; None = there are no others.
+            window's temperature, against the best of those along a road at the window's word. Of
+            these nothing is known; None = there are no others.
     """
 
     places: Places
