@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 Singles: TypeAlias = NDArray[np.float32]
 Wholes: TypeAlias = NDArray[np.signedinteger[Any]]
-Likelihood: TypeAlias = tuple[float, float, float, float, float, float, float, float]
+Likelihood: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 
 VERSION: int
 
@@ -30,7 +30,7 @@ def tape(
     block: Floats,
     samples: int,
     numbers: list[int],
-    carrier: list[int],
+    group: list[int],
     blocks: Singles,
     outside: Singles,
     positions: Wholes,
@@ -81,7 +81,7 @@ def stretch(
     block: Floats,
     samples: int,
     numbers: list[int],
-    carrier: list[int],
+    group: list[int],
     rows: Singles,
     road: int,
     sign: int,
@@ -109,7 +109,7 @@ def redrawn(
     block: Floats,
     samples: int,
     numbers: list[int],
-    carrier: list[int],
+    group: list[int],
     bend: Singles,
     where: Wholes,
     values: Floats,
@@ -138,7 +138,7 @@ def under_factors(
     block: Floats,
     samples: int,
     numbers: list[int],
-    carrier: list[int],
+    group: list[int],
     stretches: list[tuple[Singles, Singles, list[int], int, int, int, int, float, float]],
     factors: Floats,
     log_priors: Floats,

@@ -9,7 +9,7 @@ from app.domain import Candidate, Direction, Fix
 from app.numerics.index import MapIndex
 from app.numerics.offmap import Fit, best_fit, off_map_probability
 from app.numerics.offsets import offset_db
-from app.numerics.posterior import RESIDUAL, SCORE, Places
+from app.numerics.posterior import APART, RESIDUAL, SCORE, Places
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
 from app.numerics.tapes import BOTH
@@ -42,7 +42,7 @@ def answer(
     off_map = off_map_probability(index.calibration, fit, query.information(index.calibration))
     road, sign = index.roads[told.road], int(places.sign[told.peak])
     segment = road.segment_at(told.chainage_m)
-    residual, weight = places.values[RESIDUAL:, told.peak].tolist()
+    residual, weight = places.values[RESIDUAL:APART, told.peak].tolist()
     candidates = _candidates(index, told.rivals, 1.0 - off_map)
     return Fix(
         map_version=index.version,
@@ -82,8 +82,9 @@ def fit_of_place(
     """
     if not query.cells:
         return None
-    score, residual, weight = places.values[SCORE:, place].tolist()
-    return best_fit(score - raised_by, residual, weight, query.prior(index), query.fine)
+    score, residual, weight, apart = places.values[SCORE:, place].tolist()
+    sums = (score - raised_by, residual, weight, apart)
+    return best_fit(sums, query.prior(index), query.fine)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from app.domain import Calibration, RadioMap, Reliability, RoadModel
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
-from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_terms
+from app.numerics.offmap import OFF_MAP_PRIOR, Fit, known_beforehand, off_map_terms
 from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetPrior
 from app.numerics.posterior import RESIDUAL, WEIGHT, masses
 from app.numerics.reliability import reliability
@@ -210,31 +210,31 @@ def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]
     the windows on the map counts as heard by devices unlike the surveys', and an offset is never
     worse evidence than a Cauchy density against an even one.
     """
-    on: list[tuple[tuple[float, ...], float]] = []
-    off: list[tuple[tuple[float, ...], float]] = []
+    on: list[tuple[Fit, float, float]] = []
+    off: list[tuple[Fit, float, float]] = []
     for one in trials:
         much, measured = one.information(learnt), one.truth.measured
         if one.fit is not None:
-            on += [
-                (off_map_terms(fit, much), w)
-                for fit, w in _of_any_device(one.fit, measured=measured)
-            ]
+            devices = _of_any_device(one.fit, measured=measured)
+            on += [(fit, much, weight) for fit, weight in devices]
         if one.stranger_fit is not None:
             fit = one.stranger_fit if measured else one.stranger_fit._replace(offset_db=0.0)
-            off.append((off_map_terms(fit, much), 1.0))
+            off.append((fit, much, 1.0))
     if not on or not off:
         return Calibration().off_map
-    terms = np.array([each for each, _ in on + off])
+    terms = np.array([off_map_terms(fit, much) for fit, much, _ in on + off])
+    known = np.array([known_beforehand(fit) for fit, _, _ in on + off])
     label = np.concatenate([np.ones(len(on)), np.zeros(len(off))])
-    weight = np.array([each for _, each in on + off])
+    weight = np.array([each for _, _, each in on + off])
     weight *= np.where(label > 0, 0.5 / weight[: len(on)].sum(), 0.5 / len(off))
     centre, scale = terms.mean(axis=0), terms.std(axis=0) + 1e-9
     centre[0], scale[0] = 0.0, 1.0
     design = (terms - centre) / scale
-    theta = _newton(design, label, weight, np.zeros(len(label)))
+    theta = _newton(design, label, weight, known)
     strange = float(np.clip(theta[-1], -scale[-1], 0.0))
     if strange != theta[-1]:
-        theta = np.append(_newton(design[:, :-1], label, weight, strange * design[:, -1]), strange)
+        known += strange * design[:, -1]
+        theta = np.append(_newton(design[:, :-1], label, weight, known), strange)
     slopes = theta / scale
     slopes[0] -= float(slopes[1:] @ centre[1:]) + np.log(OFF_MAP_PRIOR / (1.0 - OFF_MAP_PRIOR))
     return tuple(slopes.tolist())

@@ -34,9 +34,19 @@ def numbers(cells: Sequence[str]) -> Int[np.ndarray, " cells"]:
     return np.array([known.setdefault(carrier_of(c), len(known)) for c in cells], dtype=np.intp)
 
 
-def count(carrier: Int[np.ndarray, " cells"]) -> int:
-    """How many carriers the cells are of; one where there is no cell."""
-    return max(int(carrier.max(initial=0)) + 1, 1)
+def groups(cells: Sequence[str], carriers: int) -> Int[np.ndarray, " cells"]:
+    """
+    Number of each cell's group, from 0 on: cells that go astray together (`app.numerics.offsets`).
+
+    Args:
+        carriers: How many the map has: several are the groups, of a single one each cell is.
+    """
+    return numbers(cells) if carriers > 1 else np.arange(len(cells), dtype=np.intp)
+
+
+def count(group: Int[np.ndarray, " cells"]) -> int:
+    """How many groups, or carriers, the cells are of; one where there is no cell."""
+    return int(group.max(initial=0)) + 1
 
 
 def carriers_of(cells: Iterable[str], others: Iterable[str] = ()) -> tuple[str, ...]:

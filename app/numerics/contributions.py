@@ -28,7 +28,7 @@ from app.numerics.observation import HEARING_WEIGHT, OUTSIDE_HEARD, TERMS, Evide
 from app.numerics.offsets import (
     OffsetPrior,
     Taken,
-    carrier_offsets_db,
+    group_offsets_db,
     offset_db,
     offset_gain_at,
     take_offsets,
@@ -90,8 +90,8 @@ class Contributions:
     Attributes:
         level, hearing: Of each of the query's samples (newest first) and cells.
         silent: Of each cell that the road has and the window did not hear at all.
-        offset: Of the offsets of the device and its carriers.
-        offset_db: The offsets of device and carrier that were taken out of ``level``. Shape
+        offset: Of the offsets of the device and of groups of cells.
+        offset_db: The offsets of device and group that were taken out of ``level``. Shape
             ``(cells,)``; ``device_db`` is the device's that fits the place.
         residual, weight: For the device's offset, see `app.numerics.offsets`.
         gain: What the device's offset added to the score of the matcher.
@@ -143,7 +143,7 @@ def contributions(
     device_db = offset_db(total_residual, total_weight, prior)
     if offsets_db is None:
         sums = _sums(query, residual, weight)[:, 0]
-        offsets_db = carrier_offsets_db(sums, device_db, prior)[query.carrier]
+        offsets_db = group_offsets_db(sums, device_db, float(taken.apart[0]), prior)[query.group]
     moved = offsets_db * residual - 0.5 * offsets_db**2 * weight
     return Contributions(
         place=place,
@@ -224,10 +224,10 @@ def _alike(cells: tuple[str, ...], others: tuple[str, ...]) -> Bool[np.ndarray, 
 
 
 def _sums(query: Query, residual: Floats, weight: Floats) -> Float[np.ndarray, "sums 1"]:
-    """Residual and weight of the first carrier, of the second, and so on."""
-    sums = np.zeros((2 * carriers.count(query.carrier), 1))
-    np.add.at(sums[::2, 0], query.carrier, residual.sum(axis=0))
-    np.add.at(sums[1::2, 0], query.carrier, weight.sum(axis=0))
+    """Residual and weight of the first group, of the second, and so on."""
+    sums = np.zeros((2 * carriers.count(query.group), 1))
+    np.add.at(sums[::2, 0], query.group, residual.sum(axis=0))
+    np.add.at(sums[1::2, 0], query.group, weight.sum(axis=0))
     return sums
 
 
@@ -238,11 +238,11 @@ def _taken(query: Query, terms: _Terms, prior: OffsetPrior) -> Taken:
 def _between(here: Taken, there: Taken, share: float, prior: OffsetPrior) -> Taken:
     """What offsets take between grid positions, as `app.numerics.refinement.between` has it."""
     like_db2 = prior.like_db2 / prior.temperature
-    gain, residual, weight = (
+    gain, residual, weight, apart = (
         one + share * (other - one) for one, other in zip(here, there, strict=True)
     )
     bend = 0.5 * (there.residual - here.residual) ** 2 * like_db2 / (1.0 + here.weight * like_db2)
-    return Taken(gain - bend * share * (1.0 - share), residual, weight)
+    return Taken(gain - bend * share * (1.0 - share), residual, weight, apart)
 
 
 def cell_terms(

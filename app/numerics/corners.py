@@ -39,7 +39,7 @@ class Laid:
 
     Attributes:
         turns: Numbers of the turns whose roads both lie on the window's tapes; None = all.
-        parts: Score, and residual and weight of each carrier, of the half of the window that lies
+        parts: Score, and residual and weight of each group, of the half of the window that lies
             on each arm, when it ends 1, 2, ... columns past the junction.
     """
 
@@ -87,7 +87,7 @@ def lay(index: MapIndex, query: Query, size: int, tapes: list[int]) -> Laid:
         there = np.zeros(len(index.tapes), dtype=bool)
         there[tapes] = True
         considered = (there[turns.tape] & there[turns.from_tape]).nonzero()[0]
-    channels = 1 + 2 * carriers.count(query.carrier)
+    channels = 1 + 2 * carriers.count(query.group)
     parts = np.empty((level.total, channels, ends), dtype=np.float32)
     return Laid(level, step_m, considered, parts)
 

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, RadioMap, RoadModel
 from app.numerics.acquaintance import Acquaintance
-from app.numerics.carriers import carrier_of, carriers_of
+from app.numerics.carriers import carrier_of, carriers_of, groups
 from app.numerics.days import Days
 from app.numerics.geodesy import XY, Floats, LonLat
 from app.numerics.graph import RoadGraph
@@ -180,6 +180,10 @@ class MapIndex:
             _road(number, model, carriers, heard.newcomers) for number, model in enumerate(models)
         ]
         return cls(replace(radio_map, models=models), roads, carriers, heard)
+
+    def groups(self, cells: Sequence[str]) -> Int[np.ndarray, " cells"]:
+        """Number of each cell's group, see `app.numerics.carriers.groups`."""
+        return groups(cells, len(self.carriers))
 
     def road_with(self, number: int, model: RoadModel) -> RoadIndex:
         """One of the roads laid out as if it had this model, the others being what they are."""

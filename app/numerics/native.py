@@ -30,11 +30,11 @@ try:
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 12  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 13  # a library left by an older version of the code is not used
 
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
-Likelihood = tuple[float, float, float, float, float, float, float, float]
+Likelihood = tuple[float, float, float, float, float, float, float, float, float]
 
 
 def likelihood(prior: OffsetPrior) -> Likelihood:
@@ -45,7 +45,7 @@ def likelihood(prior: OffsetPrior) -> Likelihood:
     cooled = 1.0 / prior.temperature
     like = (prior.like_db2 * cooled, prior.like_log)
     broad = (prior.any_db2 * cooled, prior.any_log)
-    more = (prior.carrier_db2 * cooled, prior.temperature)
+    more = (prior.group_db2 * cooled, prior.apart, prior.temperature)
     return (HEARING_WEIGHT, math.log(OUTSIDE_HEARD), *like, *broad, *more)
 
 
@@ -58,12 +58,12 @@ class Told:
         block: ``behind_m``, ``weight``, ``rsrp_db``, ``heard`` and ``share`` of an `Evidence`, end
             to end; what follows them is unused.
         samples: How many samples the evidence has.
-        carrier: Number of each cell's carrier among the window's, from 0 on.
+        group: Number of each cell's group among the window's, from 0 on.
     """
 
     block: Float[np.ndarray, " numbers"]
     samples: int
-    carrier: list[int]
+    group: list[int]
 
 
 class Aimed(NamedTuple):
@@ -71,14 +71,14 @@ class Aimed(NamedTuple):
     A window for one profile.
 
     Attributes:
-        block, samples, carrier: See `Told`.
+        block, samples, group: See `Told`.
         numbers: Of the window's cells in the profile, -1 where it lacks one.
     """
 
     block: Float[np.ndarray, " numbers"]
     samples: int
     numbers: list[int]
-    carrier: list[int]
+    group: list[int]
 
 
 def heard_columns(rsrp_dbm: Float[np.ndarray, "samples cells"]) -> list[int]:
@@ -92,15 +92,16 @@ def evidence(
     columns: list[int],
     step_m: float,
     carrier: list[int],
+    group: list[int],
 ) -> tuple[Told, Evidence]:
     """
     Twin of `app.numerics.observation.evidence` for some columns, in both forms.
 
     Args:
         carrier: Number of each column's carrier, any numbers.
+        group: Number of each column's group, from 0 on.
     """
     count = len(columns)
-    order = {number: at for at, number in enumerate(dict.fromkeys(carrier))}
     block = np.empty(len(distance_m) * (2 + 3 * count))
     samples = _native.evidence(
         np.ascontiguousarray(distance_m, dtype=np.float64),
@@ -120,7 +121,7 @@ def evidence(
         block[share:end].reshape(samples, count),
         block[samples:level],
     )
-    return Told(block, samples, [order[number] for number in carrier]), seen
+    return Told(block, samples, group), seen
 
 
 def score_tape(

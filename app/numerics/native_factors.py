@@ -68,7 +68,7 @@ def under_factors(
         told.block,
         told.samples,
         stretches[0][2],
-        told.carrier,
+        told.group,
         stretches,
         *factors,
         terms,

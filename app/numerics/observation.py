@@ -187,23 +187,23 @@ def sample_weight(behind_m: Float[np.ndarray, " samples"]) -> Float[np.ndarray, 
 
 
 def coefficients(
-    seen: Evidence, carrier: Int[np.ndarray, " cells"]
+    seen: Evidence, group: Int[np.ndarray, " cells"]
 ) -> Float[np.ndarray, "channels samples rows"]:
     """
     The window's side of the likelihood: what multiplies each of a profile's rows.
 
-    Channels: the score, then of each carrier the weighted residual and the weight, which
+    Channels: the score, then of each group the weighted residual and the weight, which
     integrating offsets out needs (`app.numerics.offsets`). Rows are the five terms of each cell of
     the window, then "outside the road".
 
     Args:
-        carrier: Number of each cell's carrier.
+        group: Number of each cell's group.
     """
     samples, count = seen.heard.shape
     heard = seen.heard * seen.weight[:, None]
     heard_level = heard * seen.rsrp_db
-    cells, channel = np.arange(count), 1 + 2 * carrier
-    out = np.zeros((1 + 2 * carriers.count(carrier), samples, count * TERMS + 1))
+    cells, channel = np.arange(count), 1 + 2 * group
+    out = np.zeros((1 + 2 * carriers.count(group), samples, count * TERMS + 1))
     by_cell = out[:, :, :-1].reshape(len(out), samples, count, TERMS)
     by_cell[0, :, :, 0] = -0.5 * heard_level * seen.rsrp_db
     by_cell[0, :, :, 1] = heard_level

@@ -15,7 +15,7 @@ import numpy as np
 
 from app.domain import Calibration
 from app.numerics.observation import Evidence
-from app.numerics.offsets import OffsetPrior, offset_gain_at
+from app.numerics.offsets import APART_SHARE, OffsetPrior, offset_gain_at
 
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
 TYPICAL_DB = 1.0  # devices of one kind differ by about so much
@@ -30,10 +30,13 @@ class Fit(NamedTuple):
         per_reading: Log likelihood against the background per independent reading, the device's
             offset being what suits best, at no cost.
         offset_db: That offset. Devices differ, but windows of unknown roads need any offset.
+        apart: Probability that cells have offsets of their own, where that is not known beforehand:
+            windows of unknown roads fit best with any; else 0.
     """
 
     per_reading: float
     offset_db: float
+    apart: float = 0.0
 
 
 def off_map_terms(fit: Fit, information: float) -> tuple[float, ...]:
@@ -48,20 +51,28 @@ def off_map_terms(fit: Fit, information: float) -> tuple[float, ...]:
     return 1.0, fit.per_reading, size, fit.per_reading * size, strange
 
 
-def best_fit(
-    score: float, residual: float, weight: float, prior: OffsetPrior, seen: Evidence
-) -> Fit:
+def known_beforehand(fit: Fit) -> float:
+    """
+    Log odds of being on the map that are not learnt: on the map cells have changed in `APART_SHARE`
+    of all cases, off it a window fits best if they may have.
+    """
+    return math.log(APART_SHARE / (1.0 - APART_SHARE)) * fit.apart
+
+
+def best_fit(sums: tuple[float, float, float, float], prior: OffsetPrior, seen: Evidence) -> Fit:
     """
     How well a window fits the map at all.
 
     Args:
-        score, residual, weight: Of the best place.
+        sums: Score, residual and weight of the best place, and how probably groups are apart there.
     """
+    score, residual, weight, apart = sums
     readings = float((seen.weight @ seen.heard).sum())
     gain = offset_gain_at(residual, weight, prior)
     free = 0.5 * residual**2 / max(weight, 1e-6)
     per_reading = (score - gain + free) / max(readings, 1e-6)
-    return Fit(per_reading, residual / max(weight, 1e-6))
+    known = prior.apart == 1.0
+    return Fit(per_reading, residual / max(weight, 1e-6), 0.0 if known else apart)
 
 
 def off_map_probability(calibration: Calibration, fit: Fit | None, information: float) -> float:
@@ -77,4 +88,5 @@ def off_map_probability(calibration: Calibration, fit: Fit | None, information: 
         return 1.0 - 1e-6
     known = calibration.off_map
     log_odds_on = float(np.dot(known, off_map_terms(fit, information)[: len(known)]))
+    log_odds_on += known_beforehand(fit)
     return 1.0 / (1.0 + math.exp(min(max(log_odds_on, -30.0), 30.0)))

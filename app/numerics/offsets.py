@@ -2,11 +2,13 @@
 The device's offset: unknown, the same for a whole window, and integrated out.
 
 A vehicle's phone reads every cell louder or softer than the surveys' phones by one offset ``b``.
-Where a map has several carriers, each of them has an offset of its own on top, as antennas and
-receivers differ from band to band. With residual ``R`` and weight ``W`` of a place (the slope of
-its log likelihood in the offset, and minus its curvature) an offset of variance ``v`` adds
+Groups of cells may have an offset of their own on top. Where a map has several carriers each of
+them is a group, as antennas and receivers differ from band to band. Where it has but one each cell
+is, as it may have changed since the survey; whether that is so nobody knows beforehand, and places
+count under both hypotheses. With residual ``R`` and weight ``W`` of a place (the slope of its log
+likelihood in the offset, and minus its curvature) an offset of variance ``v`` adds
 ``R^2 v / (2 (1 + W v)) - log(1 + W v) / 2`` and leaves ``R / (1 + W v)`` and ``W / (1 + W v)`` to
-those that all carriers share.
+those that all groups share.
 
 Samples of a window are not independent, which is why its scores are divided by a temperature
 ``T``. What is known of devices has nothing to do with that: the prior meets readings that are
@@ -26,7 +28,8 @@ from jaxtyping import Float
 
 BROAD_OFFSET_SD_DB = 6.0  # devices differ by up to 8 dB
 BROAD_OFFSET_SHARE = 0.3  # how often a device is unlike those of the surveys
-CARRIER_OFFSET_SD_DB = 2.0  # of each carrier about the device; chosen on survey passes held out
+GROUP_OFFSET_SD_DB = 2.0  # of each carrier about the device; chosen on survey passes held out
+APART_SHARE = 0.2  # how often cells of one carrier have changed by as much, each for itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +39,8 @@ class OffsetPrior:
     ``N(0, BROAD_OFFSET_SD_DB^2)``; each part as its variance and the log of its share.
 
     Attributes:
-        carrier_db2: Variance of each carrier's own offset; 0 = there is but one carrier.
+        group_db2: Variance of each group's own offset.
+        apart: How often groups have offsets of their own: always, or the share of a hypothesis.
         temperature: Of the window that is asked about.
     """
 
@@ -44,7 +48,8 @@ class OffsetPrior:
     like_log: float
     any_db2: float
     any_log: float
-    carrier_db2: float = 0.0
+    group_db2: float = 0.0
+    apart: float = 1.0
     temperature: float = 1.0
 
     @classmethod
@@ -60,43 +65,55 @@ class OffsetPrior:
             float(np.log(1.0 - BROAD_OFFSET_SHARE)),
             max(BROAD_OFFSET_SD_DB, offset_sd_db) ** 2,
             float(np.log(BROAD_OFFSET_SHARE)),
-            CARRIER_OFFSET_SD_DB**2 if carriers > 1 else 0.0,
+            GROUP_OFFSET_SD_DB**2,
+            1.0 if carriers > 1 else APART_SHARE,
         )
 
     def at(self, temperature: float) -> OffsetPrior:
         """The same for a window of this temperature."""
         like, broad = (self.like_db2, self.like_log), (self.any_db2, self.any_log)
-        return OffsetPrior(*like, *broad, self.carrier_db2, temperature)
+        return OffsetPrior(*like, *broad, self.group_db2, self.apart, temperature)
 
 
 class Taken(NamedTuple):
-    """What the offsets took: their gain, and residual and weight of what is left to the device."""
+    """
+    What the offsets took.
+
+    Attributes:
+        gain: What they add to the score.
+        residual, weight: What is left to the device's; where groups may have none of their own,
+            what there is if they have not.
+        apart: Probability that groups have offsets of their own.
+    """
 
     gain: Float[np.ndarray, " places"]
     residual: Float[np.ndarray, " places"]
     weight: Float[np.ndarray, " places"]
+    apart: Float[np.ndarray, " places"]
 
 
 def take_offsets(sums: Float[np.ndarray, "sums places"], prior: OffsetPrior) -> Taken:
     """
-    Integrate out each carrier's offset, then the device's.
+    Integrate out each group's offset, then the device's.
 
     Args:
-        sums: Residual and weight of the first carrier, of the second, and so on.
+        sums: Residual and weight of the first group, of the second, and so on.
 
     Returns:
         Gains in units of the score: before the temperature.
     """
-    residual, weight, gain = sums[0], sums[1], 0.0
-    if prior.carrier_db2 > 0.0:
-        inflation = 1.0 + sums[1::2] * (prior.carrier_db2 / prior.temperature)
-        squared = 0.5 * (prior.carrier_db2 / prior.temperature) * sums[::2] ** 2 / inflation
-        gain = (squared - 0.5 * prior.temperature * np.log(inflation)).sum(axis=0)
-        residual = (sums[::2] / inflation).sum(axis=0)
-        weight = (sums[1::2] / inflation).sum(axis=0)
-    elif len(sums) > 2:
-        residual, weight = sums[::2].sum(axis=0), sums[1::2].sum(axis=0)
-    return Taken(gain + offset_gain(residual, weight, prior), residual, weight)
+    temperature, variance = prior.temperature, prior.group_db2 / prior.temperature
+    inflation = 1.0 + sums[1::2] * variance
+    gains = 0.5 * variance * sums[::2] ** 2 / inflation - 0.5 * temperature * np.log(inflation)
+    residual, weight = (sums[::2] / inflation).sum(axis=0), (sums[1::2] / inflation).sum(axis=0)
+    gain = gains.sum(axis=0) + offset_gain(residual, weight, prior)
+    if prior.apart == 1.0:
+        return Taken(gain, residual, weight, np.ones(len(gain)))
+    all_residual, all_weight = sums[::2].sum(axis=0), sums[1::2].sum(axis=0)
+    together = offset_gain(all_residual, all_weight, prior) / temperature + np.log1p(-prior.apart)
+    apart = gain / temperature + np.log(prior.apart)
+    both = np.logaddexp(together, apart)
+    return Taken(temperature * both, all_residual, all_weight, np.exp(apart - both))
 
 
 def offset_gain(
@@ -136,16 +153,17 @@ def _offset_parts(residual: float, weight: float, prior: OffsetPrior) -> list[tu
     return parts
 
 
-def carrier_offsets_db(
-    sums: Float[np.ndarray, " sums"], device_db: float, prior: OffsetPrior
-) -> Float[np.ndarray, " carriers"]:
+def group_offsets_db(
+    sums: Float[np.ndarray, " sums"], device_db: float, apart: float, prior: OffsetPrior
+) -> Float[np.ndarray, " groups"]:
     """
-    Mean offset of each carrier at one place, the device's own included.
+    Mean offset of each group at one place, the device's own included.
 
     Args:
         sums: As `take_offsets` has them.
         device_db: Offset of the device, from `offset_db`.
+        apart: Probability that groups have offsets of their own, from `take_offsets`.
     """
-    spread = prior.carrier_db2 / prior.temperature
+    spread = prior.group_db2 / prior.temperature
     own = (sums[::2] - sums[1::2] * device_db) * spread / (1.0 + sums[1::2] * spread)
-    return np.asarray(device_db + own)
+    return np.asarray(device_db + apart * own)

@@ -20,7 +20,7 @@ from app.numerics.motion import Branch, Leg
 from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS, Profile
 from app.numerics.offsets import take_offsets
-from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
+from app.numerics.posterior import APART, CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
 from app.numerics.query import FINE_STEP_M, Query
 
 REACH_SDS = 3.5  # of a branch's spread: where along its road its end is looked for
@@ -94,6 +94,7 @@ def places_along(index: MapIndex, query: Query, way: Way, span: tuple[int, int])
         taken = take_offsets(np.array(sums), query.prior(index))
         values[SCORE] = score + taken.gain
         values[RESIDUAL], values[WEIGHT] = taken.residual, taken.weight
+        values[APART] = taken.apart
     road = index.roads[way.road]
     values[CHAINAGE] = np.clip(way.entered_m + way.sign * ends, 0.0, road.length_m)
     values[WIDTH] = FINE_STEP_M
@@ -110,7 +111,7 @@ def _lay(
 ) -> None:
     """Twin of the numpy code above: the way is a road whose profile is ``rows``."""
     profile = np.concatenate((rows[:, :1], rows, rows[:, -1:]), axis=1)
-    aimed = native.Aimed(told.block, told.samples, list(range(len(query.cells))), told.carrier)
+    aimed = native.Aimed(told.block, told.samples, list(range(len(query.cells))), told.group)
     metres = (FINE_STEP_M, float(rows.shape[1]))
     road, sign = places.where[:, 0].tolist()
     terms = query.likelihood(index)

@@ -14,8 +14,8 @@ SPARED = 0.02  # of the posterior: where lighter places hold more together, all 
 RADIUS_SDS = 4.0  # the radius lies this near the one that would hold if places were points
 
 
-CHAINAGE, WIDTH, SCORE, RESIDUAL, WEIGHT = range(5)  # rows of `Places.values`
-VALUES = 5
+CHAINAGE, WIDTH, SCORE, RESIDUAL, WEIGHT, APART = range(6)  # rows of `Places.values`
+VALUES = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,8 +28,9 @@ class Places:
         values: Rows in the order of the names above: chainage of the window's last sample in
             metres; length of road that the place stands for, its prior weight, as any metre of the
             map is as likely as any other; log likelihood against the background; residual and
-            weight for the device offset, see `app.numerics.offsets`. Held-out windows, whose scores
-            do not hold offsets yet, have a residual and a weight of each carrier.
+            weight for the device offset, and how probably groups of cells have their own, see
+            `app.numerics.offsets`. Held-out windows, whose scores do not hold offsets yet, have a
+            residual and a weight of each group after their scores.
     """
 
     where: Int[np.ndarray, "2 places"]

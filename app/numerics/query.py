@@ -54,6 +54,7 @@ class Query:
         unknown: Heard cells that it does not know, sorted.
         samples: How many samples of the window these are.
         fine: The readings metre by metre.
+        group: Number of each cell's group among the window's (`app.numerics.carriers.groups`).
         told: The same for the kernels in C; None = all is worked out with numpy.
     """
 
@@ -61,6 +62,7 @@ class Query:
     unknown: tuple[str, ...]
     samples: int
     fine: Evidence
+    group: Int[np.ndarray, " cells"]
     told: native.Told | None = None
     _aims: dict[int, Aim] = field(default_factory=dict)
     _priors: list[OffsetPrior] = field(default_factory=list)
@@ -70,12 +72,7 @@ class Query:
     @cached_property
     def factors(self) -> Float[np.ndarray, "channels samples rows"]:
         """The readings' side of the likelihood."""
-        return coefficients(self.fine, self.carrier)
-
-    @cached_property
-    def carrier(self) -> Int[np.ndarray, " cells"]:
-        """Number of each cell's carrier among the window's."""
-        return carriers.numbers(self.cells)
+        return coefficients(self.fine, self.group)
 
     def prior(self, index: MapIndex) -> OffsetPrior:
         """What the device's offset may be, for this window; worked out once."""
@@ -133,7 +130,7 @@ class Query:
 
     def aimed(self, told: native.Told, column: Columns) -> native.Aimed:
         """Twin of `aim` for the kernels in C, which do the rest of it themselves."""
-        return native.Aimed(told.block, told.samples, self.numbers(column), told.carrier)
+        return native.Aimed(told.block, told.samples, self.numbers(column), told.group)
 
     def numbers(self, column: Columns) -> list[int]:
         """Each cell's column, or that of what stands in for it; -1 = not even that."""
@@ -180,15 +177,17 @@ def ask(index: MapIndex, window: Window, *, in_c: bool = False) -> Query:
     order = sorted([(window.cells[i], i) for i in heard])
     known = [pair for pair in order if pair[0] in index.cells]
     unknown = () if len(known) == len(order) else _names(p for p in order if p not in known)
-    columns = [i for _, i in known]
+    columns, names = [i for _, i in known], _names(known)
+    group = index.groups(names)
     if in_c:
-        names = _names(known)
         carrier = [index.carrier[cell] for cell in names]
-        told, fine = native.evidence(distance_m, rsrp_dbm, columns, FINE_STEP_M, carrier)
-        return Query(names, unknown, len(distance_m), fine, told)
+        told, fine = native.evidence(
+            distance_m, rsrp_dbm, columns, FINE_STEP_M, carrier, group.tolist()
+        )
+        return Query(names, unknown, len(distance_m), fine, group, told)
     if columns != list(range(len(window.cells))):
         rsrp_dbm = rsrp_dbm[:, columns]
-    return prepare(_names(known), unknown, distance_m, rsrp_dbm)
+    return prepare(names, unknown, distance_m, rsrp_dbm, group)
 
 
 def _heard_columns(rsrp_dbm: Float[np.ndarray, "samples cells"]) -> list[int]:
@@ -204,7 +203,8 @@ def prepare(
     unknown: tuple[str, ...],
     distance_m: Float[np.ndarray, " samples"],
     rsrp_dbm: Float[np.ndarray, "samples cells"],
+    group: Int[np.ndarray, " cells"],
 ) -> Query:
-    """A query from readings whose columns are exactly ``cells``."""
+    """A query from readings whose columns are exactly ``cells``, each of a group."""
     fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M, carriers.numbers(cells))
-    return Query(cells, unknown, len(distance_m), fine)
+    return Query(cells, unknown, len(distance_m), fine, group)

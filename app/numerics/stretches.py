@@ -10,7 +10,7 @@ from app.numerics import native
 from app.numerics.alignment import align
 from app.numerics.index import MapIndex
 from app.numerics.offsets import take_offsets
-from app.numerics.posterior import CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
+from app.numerics.posterior import APART, CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
 from app.numerics.query import Query
 from app.numerics.tapes import BOTH
 
@@ -58,7 +58,7 @@ def along(index: MapIndex, query: Query, number: int, sign: int, first: int, las
     values[CHAINAGE] = np.arange(first, last + 1) * road.step_m
     values[WIDTH] = road.step_m
     values[SCORE] = score + taken.gain
-    values[RESIDUAL], values[WEIGHT] = taken.residual, taken.weight
+    values[RESIDUAL], values[WEIGHT], values[APART] = taken.residual, taken.weight, taken.apart
     if last == road.grid_size - 1:
         values[CHAINAGE, -1] = road.length_m
     return Places(np.full((2, last + 1 - first), ((number,), (sign,))), values)

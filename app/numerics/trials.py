@@ -18,7 +18,7 @@ from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, shortlist
 from app.numerics.offmap import Fit
 from app.numerics.offsets import OffsetPrior, take_offsets
-from app.numerics.posterior import RESIDUAL, SCORE, VALUES, WEIGHT, Places
+from app.numerics.posterior import APART, RESIDUAL, SCORE, VALUES, WEIGHT, Places
 from app.numerics.query import Query, ask, prepare
 from app.numerics.unseen import HOPELESS, Asked
 
@@ -57,16 +57,17 @@ def ask_all(index: MapIndex, models: Sequence[RoadModel], asked: Sequence[Asked]
 def with_offset(places: Places, prior: OffsetPrior) -> Places:
     """Places whose scores hold what the offsets may explain, for a window of the prior's."""
     taken = take_offsets(places.values[RESIDUAL:], prior)
-    values = places.values[:VALUES].copy()
+    values = np.empty((VALUES, len(places)))
+    values[:RESIDUAL] = places.values[:RESIDUAL]
     values[SCORE] += taken.gain
-    values[RESIDUAL], values[WEIGHT] = taken.residual, taken.weight
+    values[RESIDUAL], values[WEIGHT], values[APART] = taken.residual, taken.weight, taken.apart
     return Places(places.where, values)
 
 
 def size_of(truth: HeldOut) -> tuple[float, int]:
     """What a window's samples weigh together, and how many they are."""
-    silent = np.zeros((len(truth.distance_m), 0))
-    weight = prepare((), (), truth.distance_m, silent).fine.weight
+    silent, nobody = np.zeros((len(truth.distance_m), 0)), np.zeros(0, dtype=np.intp)
+    weight = prepare((), (), truth.distance_m, silent, nobody).fine.weight
     return float(weight.sum()), len(weight)
 
 

@@ -19,7 +19,7 @@ from app.numerics.heldout import nodes_of
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.observation import Evidence, Profile
 from app.numerics.posterior import SCORE, Places
-from app.numerics.query import Aim, prepare
+from app.numerics.query import Aim, Query, prepare
 from app.numerics.refinement import bend_along, between
 from app.numerics.tapes import BOTH
 
@@ -38,7 +38,7 @@ class Asked:
 
     Attributes:
         road: Number of the road.
-        places: Scores do not hold offsets yet; values have a residual and a weight of each carrier.
+        places: Scores do not hold offsets yet; values have a residual and a weight of each group.
     """
 
     road: int
@@ -84,7 +84,8 @@ def ask_at_home(
                 model = index.around.told(number, without(model, truth.fold))
             laid = ((number, truth.fold), index.road_with(number, model))
         names = tuple(models[number].cells[column] for column in truth.cells.tolist())
-        found.append(Asked(number, truth, _places(laid[1], names, truth)))
+        query = prepare(names, (), truth.distance_m, truth.rsrp_dbm, index.groups(names))
+        found.append(Asked(number, truth, _places(laid[1], query, truth)))
     return found
 
 
@@ -107,9 +108,8 @@ def without(model: RoadModel, fold: int) -> RoadModel:
     return replace(model, mean_dbm=mean_dbm, spread_db=spread_db, heard=heard)
 
 
-def _places(road: RoadIndex, names: tuple[str, ...], truth: HeldOut) -> Places:
+def _places(road: RoadIndex, query: Query, truth: HeldOut) -> Places:
     along, step_m = road.along, road.step_m
-    query = prepare(names, (), truth.distance_m, truth.rsrp_dbm)
     aim = query.aim(road.column, step_m)
     values = np.zeros((SCORE + len(aim.factors), 2, road.grid_size))
     grid_m = np.arange(road.grid_size) * step_m

@@ -206,7 +206,7 @@ def _row(name: str, answers: Answers) -> dict[str, float | str]:
 
 def _of_carriers(index: MapIndex, sd_db: float) -> MapIndex:
     other = index.recalibrated(index.calibration)
-    other.offset_prior = replace(index.offset_prior, carrier_db2=sd_db**2)
+    other.offset_prior = replace(index.offset_prior, group_db2=sd_db**2)
     return other
 
 

@@ -24,13 +24,14 @@ from app.numerics.observation import (
     OUTSIDE_HEARD,
 )
 from app.numerics.offsets import (
+    APART_SHARE,
     BROAD_OFFSET_SD_DB,
     BROAD_OFFSET_SHARE,
-    CARRIER_OFFSET_SD_DB,
+    GROUP_OFFSET_SD_DB,
 )
 
 OFFSETS_DB = np.arange(-60.0, 60.01, 0.05)
-OWN_DB = np.arange(-40.0, 40.01, 0.2)  # of one carrier
+OWN_DB = np.arange(-40.0, 40.01, 0.2)  # of one group of cells
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def log_likelihood(
     """
     Of a window that ends at a grid position, less that of the background.
 
-    ``only`` names the carrier that the offset is of; None = it is of all.
+    ``only`` names the carrier or the cell that the offset is of; None = it is of all.
     """
     total = 0.0
     for one, weight in zip(found, weights(found), strict=True):
@@ -143,7 +144,7 @@ def _one_place(
         column = model.cells.index(cell) if cell in model.cells else None
         if column is not None and not math.isnan(model.mean_dbm[at, column]):
             mean, spread = float(model.mean_dbm[at, column]), float(model.spread_db[at, column])
-            moved = offset_db if only is None or _carrier(cell) == only else 0.0
+            moved = offset_db if only in (None, cell, _carrier(cell)) else 0.0
             z = (one.level_dbm[cell] - mean - moved) / spread
             density = -0.5 * z * z - math.log(spread * math.sqrt(2.0 * math.pi))
             total += share * (density - math.log(1.0 / BACKGROUND_SPAN_DB))
@@ -187,29 +188,36 @@ def marginal(
     """
     Log likelihood with the offsets integrated out numerically, and the mean of the device's.
 
-    Readings are tempered before the prior meets them. ``carriers``: each has an offset of its own.
+    Readings are tempered before the prior meets them. ``carriers``: each has an offset of its own;
+    without, there is one, and the cells each have their own in `APART_SHARE` of all cases. The mean
+    is that of the others.
     """
     at = log_likelihood(model, found, place, sign, 0.0, None, new)
-    log = np.full(len(OFFSETS_DB), at / temperature)
-    for carrier in {_carrier(cell) for one in found for cell in one.share}:
-        said = [log_likelihood(model, found, place, sign, b, carrier, new) for b in (-1.0, 1.0)]
+    together, apart = (np.full(len(OFFSETS_DB), at / temperature) for _ in range(2))
+    heard = {cell for one in found for cell in one.share}
+    for group in {_carrier(cell) for cell in heard} if carriers else heard:
+        said = [log_likelihood(model, found, place, sign, b, group, new) for b in (-1.0, 1.0)]
         slope, bend = (said[1] - said[0]) / 2.0, said[1] + said[0] - 2.0 * at
-        if carriers:
-            log += _with_own(slope / temperature, bend / temperature)
-        else:
-            log += (slope * OFFSETS_DB + 0.5 * bend * OFFSETS_DB**2) / temperature
-    mass = np.exp(log - log.max()) * offset_prior(offset_sd_db)
+        together += (slope * OFFSETS_DB + 0.5 * bend * OFFSETS_DB**2) / temperature
+        apart += _with_own(slope / temperature, bend / temperature)
+    hypotheses = (
+        ((0.0, together), (1.0, apart))
+        if carriers
+        else ((1.0 - APART_SHARE, together), (APART_SHARE, apart))
+    )
+    top = max(together.max(), apart.max())
+    mass = [share * np.exp(log - top) * offset_prior(offset_sd_db) for share, log in hypotheses]
     step_db = OFFSETS_DB[1] - OFFSETS_DB[0]
-    mean_db = float((mass * OFFSETS_DB).sum() / mass.sum())
-    return temperature * float(np.log(mass.sum() * step_db) + log.max()), mean_db
+    mean_db = float((mass[carriers] * OFFSETS_DB).sum() / mass[carriers].sum())
+    return temperature * float(np.log(sum(mass).sum() * step_db) + top), mean_db
 
 
 def _with_own(slope: float, bend: float) -> np.ndarray:
-    """Log of what a carrier says of each device offset, its own about it integrated out."""
+    """Log of what a group says of each device offset, its own about it integrated out."""
     offset_db = OFFSETS_DB[:, None] + OWN_DB
-    log = slope * offset_db + 0.5 * bend * offset_db**2 - 0.5 * (OWN_DB / CARRIER_OFFSET_SD_DB) ** 2
+    log = slope * offset_db + 0.5 * bend * offset_db**2 - 0.5 * (OWN_DB / GROUP_OFFSET_SD_DB) ** 2
     top = log.max(axis=1)
-    scale = (OWN_DB[1] - OWN_DB[0]) / (CARRIER_OFFSET_SD_DB * math.sqrt(2.0 * math.pi))
+    scale = (OWN_DB[1] - OWN_DB[0]) / (GROUP_OFFSET_SD_DB * math.sqrt(2.0 * math.pi))
     return np.log(np.exp(log - top[:, None]).sum(axis=1) * scale) + top
 
 

@@ -23,7 +23,7 @@ from app.numerics.evidence_table import COLUMNS, DRAWN, HeldOut, pack, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability, off_map_terms
-from app.numerics.offsets import OffsetPrior
+from app.numerics.offsets import APART_SHARE, OffsetPrior
 from app.numerics.posterior import Places
 from app.numerics.query import ask
 from app.numerics.roadfit import fit_road
@@ -182,6 +182,16 @@ def test_drawn_windows_tell_nothing_of_devices():
     learnt = Calibration(off_map=_log_odds(trials_with_offsets(4, measured=False), Calibration()))
     odds = [off_map_probability(learnt, Fit(0.4, offset_db), 5.0) for offset_db in (0.0, 15.0)]
     assert odds[0] == pytest.approx(odds[1])
+
+
+def test_a_fit_that_needs_changed_cells_pays_their_prior():
+    """As probable as the same fit without them once the prior odds of changed cells are paid."""
+    odds = []
+    for apart in (0.0, 0.5, 1.0):
+        off = off_map_probability(Calibration(), Fit(0.6, 0.0, apart), 5.0)
+        odds.append(np.log(off / (1.0 - off)))
+    paid = np.log((1.0 - APART_SHARE) / APART_SHARE)
+    np.testing.assert_allclose(odds - odds[0], [0.0, 0.5 * paid, paid], atol=1e-9)
 
 
 def test_where_all_windows_are_drawn_every_sample_counts():

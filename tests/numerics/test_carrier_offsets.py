@@ -86,17 +86,20 @@ def test_twice_the_readings_at_twice_the_temperature_say_twice_as_much(seed, tem
     np.testing.assert_allclose(twice.residual, 2.0 * once.residual, rtol=1e-9, atol=1e-9)
 
 
-def test_one_carrier_alone_has_no_offset_of_its_own():
-    """A map of one carrier cannot tell it from the device."""
-    assert map_of(tiny_models(5)).offset_prior.carrier_db2 == 0.0
-    assert map_of(roads(5)).offset_prior.carrier_db2 > 0.0
+def test_groups_are_carriers_or_cells():
+    """Several carriers always have their own offsets, cells of a single one may have."""
+    several, single = map_of(roads(5)), map_of(tiny_models(5))
+    assert several.offset_prior.apart == 1.0
+    assert several.groups(("x:a", "y:b", "x:c")).tolist() == [0, 1, 0]
+    assert 0.0 < single.offset_prior.apart < 0.5
+    assert single.groups(("a", "b", "c")).tolist() == [0, 1, 2]
 
 
 def test_a_louder_carrier_moves_less_than_without_offsets_of_carriers():
     """A vehicle that reads one carrier 4 dB louder is placed nearer to where it would have been."""
     index = gentle(7)
     rigid = copy(index)
-    rigid.offset_prior = dataclasses.replace(index.offset_prior, carrier_db2=0.0)
+    rigid.offset_prior = dataclasses.replace(index.offset_prior, group_db2=0.0)
     moved_m = {True: 0.0, False: 0.0}
     for seed in range(16):
         asked = window(on_carriers(gentle_models(7))[1], seed, samples=20)
@@ -107,6 +110,41 @@ def test_a_louder_carrier_moves_less_than_without_offsets_of_carriers():
             far = here.road_id != moved.road_id or here.direction != moved.direction
             moved_m[own] += 60.0 if far else abs(here.chainage_m - moved.chainage_m)
     assert moved_m[True] < 0.75 * moved_m[False]
+
+
+def test_changed_cells_move_little_where_each_may_have_changed():
+    """Six cells of one carrier by 4 dB up or down, each for itself: fixes stay, and are not sure."""
+    index, models = map_of(models_of("paper")), models_of("paper")
+    rigid = copy(index)
+    rigid.offset_prior = dataclasses.replace(index.offset_prior, apart=1e-12)
+    moved_m: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        asked = window(models[seed % 4], seed, samples=30)
+        changed = dataclasses.replace(
+            asked, rsrp_dbm=asked.rsrp_dbm + 4.0 * rng.choice([-1.0, 1.0], len(asked.cells))
+        )
+        for may, there in ((True, index), (False, rigid)):
+            here, moved = (locate(there, one) for one in (asked, changed))
+            far = here.road_id != moved.road_id or here.direction != moved.direction
+            moved_m[may].append(100.0 if far else abs(here.chainage_m - moved.chainage_m))
+    assert np.mean(moved_m[True]) < 0.5 * np.mean(moved_m[False])
+
+
+@pytest.mark.parametrize("apart", [0.05, 0.2, 0.7])
+def test_both_hypotheses_share_the_score_by_their_prior(apart):
+    """Between all groups together and all apart; the probability of apart is Bayes' rule."""
+    rng = np.random.default_rng(4)
+    sums = np.stack([rng.normal(0, 9, 50), rng.uniform(0, 4, 50)] * 3)
+    known = OffsetPrior.learnt(1.5, carriers=3).at(2.0)
+    joined = np.stack([sums[::2].sum(axis=0), sums[1::2].sum(axis=0)])
+    together = take_offsets(joined, dataclasses.replace(known, group_db2=0.0)).gain / 2.0
+    alone = take_offsets(sums, known).gain / 2.0
+    mixed = take_offsets(sums, dataclasses.replace(known, apart=apart))
+    wanted = np.log((1.0 - apart) * np.exp(together) + apart * np.exp(alone))
+    np.testing.assert_allclose(mixed.gain / 2.0, wanted, rtol=1e-9)
+    np.testing.assert_allclose(mixed.apart, apart * np.exp(alone - wanted), rtol=1e-9)
+    np.testing.assert_allclose(mixed.residual, joined[0], rtol=1e-12)
 
 
 @built

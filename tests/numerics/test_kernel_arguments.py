@@ -27,6 +27,7 @@ def arguments(seed: int) -> dict[str, list[object]]:
     score = np.zeros(2 * len(level.positions), dtype=np.float32)
     rsrp_dbm, cells = np.ascontiguousarray(window.rsrp_dbm), len(window.cells)
     block = np.zeros(len(rsrp_dbm) * (2 + 3 * cells))
+    channels = 1 + 2 * len(query.cells)  # each is a group of its own
     over_tape, over_road = (query.aimed(query.told, one.column) for one in (tape, road))
     room, finer = native.no_places(9), native.no_places(len(places) + 4 * 2)
     old, terms = (places.where, places.values), native.likelihood(index.offset_prior)
@@ -46,7 +47,7 @@ def arguments(seed: int) -> dict[str, list[object]]:
                 terms,
                 score,
             ),
-            *(np.array([[30, 66], [1, -1], [1, 0]]), np.zeros((2, 3, 5), dtype=np.float32)),
+            *(np.array([[30, 66], [1, -1], [1, 0]]), np.zeros((2, channels, 5), dtype=np.float32)),
         ],
         "turns": [
             *(np.ones((4, 3, 5), dtype=np.float32), *np.array([[0, 1], [2, 3], [5, 2]])),
@@ -74,7 +75,8 @@ def arguments(seed: int) -> dict[str, list[object]]:
             *(*over_road, [stretch_of(index, query, 1, 3, 7), stretch_of(index, query, 0, 2, 2)]),
             *(np.array([0.97, 1.03]), np.array([-2.0, -3.0]), 2.0, terms),
             *(atlas.step_m, 7.0, 3, 3, 6, 5, *old, 4),
-            *(np.zeros(2 * (len(places) + 99), dtype=np.int64), np.zeros(5 * (len(places) + 99))),
+            np.zeros(2 * (len(places) + 99), dtype=np.int64),
+            np.zeros(posterior.VALUES * (len(places) + 99)),
             np.zeros(99),
         ],
         "summary": [

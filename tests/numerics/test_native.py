@@ -64,7 +64,9 @@ def test_evidence_is_the_same(seed, samples, cells, step_m):
     rsrp_dbm[rng.random(rsrp_dbm.shape) < 0.4] = np.nan
     columns = rng.permutation(cells + 1)[:cells].tolist()
     carrier = rng.integers(0, 3, cells)
-    _, seen = native.evidence(distance_m, rsrp_dbm, columns, step_m, carrier.tolist())
+    group = list(range(cells))
+    told, seen = native.evidence(distance_m, rsrp_dbm, columns, step_m, carrier.tolist(), group)
+    assert told.group == group
     wanted = observation.evidence(distance_m, rsrp_dbm[:, columns], step_m, carrier)
     for field in dataclasses.fields(wanted):
         np.testing.assert_allclose(

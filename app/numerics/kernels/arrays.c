@@ -117,12 +117,12 @@ Told told(Call *call)
     ptrdiff_t samples = whole(call);
     const ptrdiff_t *numbers = whole_list(call, PTRDIFF_MAX, &cells);
     Py_ssize_t listed = 0;
-    const ptrdiff_t *carrier = whole_list(call, PTRDIFF_MAX, &listed);
-    demand(call, listed == cells, "not a carrier for each cell");
-    ptrdiff_t carriers = 1;
+    const ptrdiff_t *group = whole_list(call, PTRDIFF_MAX, &listed);
+    demand(call, listed == cells, "not a group for each cell");
+    ptrdiff_t groups = 1;
     for (Py_ssize_t i = 0; !call->failed && i < cells; i++) {
-        demand(call, 0 <= carrier[i] && carrier[i] < cells, "a carrier out of range");
-        carriers = carrier[i] < carriers ? carriers : carrier[i] + 1;
+        demand(call, 0 <= group[i] && group[i] < cells, "a group out of range");
+        groups = group[i] < groups ? groups : group[i] + 1;
     }
     demand(call, samples >= 1 && samples <= shape[0] && 2 + 3 * cells <= shape[0] / samples,
            "more samples or cells than the block holds");
@@ -130,7 +130,7 @@ Told told(Call *call)
         return (Told){0};
     const double *level_db = block + 2 * samples, *heard = level_db + samples * cells;
     return (Told){samples, cells, block, block + samples, level_db, heard, heard + samples * cells,
-                  numbers, carrier, carriers};
+                  numbers, group, groups};
 }
 
 Along along(Call *call, char row)
@@ -157,16 +157,17 @@ Tape tape_of(Call *call)
 Likelihood likelihood(Call *call)
 {
     PyObject *given = next(call);
-    enum { TERMS_GIVEN = 8 };
+    enum { TERMS_GIVEN = 9 };
     double values[TERMS_GIVEN] = {0};
     demand(call, given == NULL || (PyTuple_Check(given) && PyTuple_Size(given) == TERMS_GIVEN),
-           "not a tuple of eight numbers");
+           "not a tuple of nine numbers");
     for (Py_ssize_t i = 0; !call->failed && i < TERMS_GIVEN; i++) {
         values[i] = PyFloat_AsDouble(PyTuple_GetItem(given, i));
         call->failed = values[i] == -1.0 && PyErr_Occurred() != NULL;
     }
-    return (Likelihood){values[0], values[1], values[2], values[3],
-                        values[4], values[5], values[6], values[7]};
+    demand(call, given == NULL || (values[7] >= 0.0 && values[7] <= 1.0), "not a share");
+    return (Likelihood){values[0], values[1], values[2], values[3], values[4],
+                        values[5], values[6], values[7], values[8]};
 }
 
 Places places(Call *call)

@@ -37,7 +37,7 @@ const ptrdiff_t *whole_list(Call *call, ptrdiff_t end, Py_ssize_t *count);
 Told told(Call *call);             /* block, samples, numbers */
 Along along(Call *call, char row); /* 'r': rows, or 'b': bend */
 Tape tape_of(Call *call);          /* blocks, outside */
-Likelihood likelihood(Call *call); /* a tuple of six floats */
+Likelihood likelihood(Call *call); /* a tuple of nine floats */
 Places places(Call *call);         /* where, values */
 Atlas atlas(Call *call);           /* start, size, segment, step_m, plane, edge_m, first_edge */
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LANES = 8 }; /* no more than EACH_SPARE */
+enum { LANES = 8, MOST_ROWS = 2 }; /* lanes no more than EACH_SPARE, rows as an Each has them */
 typedef float LooseLanes /* the same wherever it lies */
     __attribute__((vector_size(LANES * sizeof(float)), aligned(sizeof(float)), may_alias));
 
@@ -23,33 +23,33 @@ INLINE void add_row(const float *from, ptrdiff_t hard, ptrdiff_t soft, int upwar
             *(LooseLanes *)(to + at) += *(const LooseLanes *)(from + at);
 }
 
-/* `sums` lead to the junction's column: of score, residual and weight. */
+/* `sums` lead to the junction's column, for each row of a sample. */
 FOR_EACH_MACHINE
-static void lay_arm(const Factors *f, Each each, ptrdiff_t column, int sign, int onto,
-                    ptrdiff_t ends, float *const sums[3])
+static void lay_arm(const Factors *f, const ptrdiff_t *first, Each each, ptrdiff_t column, int sign,
+                    int onto, ptrdiff_t ends, float *const sums[MOST_ROWS])
 {
     for (ptrdiff_t i = 0; i < f->samples; i++) {
-        if (f->first[i] == f->first[i + 1] && f->outside[i] == 0.0)
-            continue; /* nor has its row been filled in */
+        if (first != NULL && first[i] == first[i + 1])
+            continue; /* nor have its rows been filled in */
         ptrdiff_t behind = f->behind[i];
         ptrdiff_t hard = onto ? (behind > 1 ? behind : 1) : behind - 1, soft = onto ? ends : 1;
         if (onto ? hard > soft : hard < soft)
             continue;
-        const float *from = each.values + 3 * i * each.stride + column - sign * behind;
-        for (int channel = 0; channel < 3; channel++)
-            add_row(from + channel * each.stride, sign * hard, sign * soft, (sign > 0) == onto,
-                    sums[channel]);
+        const float *from = each.values + each.rows * i * each.stride + column - sign * behind;
+        for (int row = 0; row < each.rows; row++)
+            add_row(from + row * each.stride, sign * hard, sign * soft, (sign > 0) == onto,
+                    sums[row]);
     }
 }
 
-int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, ptrdiff_t carrier,
-             ptrdiff_t channels, float *parts)
+int lay_arms(const Arms *arms, const Factors *f, const ptrdiff_t *first, Each each,
+             ptrdiff_t columns, ptrdiff_t channels, float *parts)
 {
     ptrdiff_t reach = arms->ends;
     for (ptrdiff_t i = 0; i < f->samples; i++)
         reach = f->behind[i] > reach ? f->behind[i] : reach;
-    ptrdiff_t half = reach + LANES;
-    float *memory = malloc(sizeof *memory * (size_t)(3 * (2 * half + 1)));
+    ptrdiff_t half = reach + LANES, all = 2 * half + 1;
+    float *memory = malloc(sizeof *memory * (size_t)(MOST_ROWS * all));
     int fault = memory == NULL ? OUT_OF_MEMORY : 0;
     for (ptrdiff_t arm = 0; fault == 0 && arm < arms->count; arm++) {
         int64_t column = arms->column[arm], sign = arms->sign[arm], onto = arms->onto[arm];
@@ -58,45 +58,38 @@ int lay_arms(const Arms *arms, const Factors *f, Each each, ptrdiff_t columns, p
             fault = OUT_OF_BOUNDS;
             break;
         }
-        float *const sums[3] = {memory + half, memory + 3 * half + 1, memory + 5 * half + 2};
-        memset(memory, 0, sizeof *memory * (size_t)(3 * (2 * half + 1)));
-        lay_arm(f, each, column, (int)sign, (int)onto, arms->ends, sums);
-        float *score = parts + arm * channels * arms->ends;
-        float *own = score + (1 + 2 * carrier) * arms->ends;
-        for (ptrdiff_t end = 1; end <= arms->ends; end++) {
-            score[end - 1] = sums[0][sign * end] + (carrier > 0 ? score[end - 1] : 0.0f);
-            own[end - 1] = sums[1][sign * end];
-            own[arms->ends + end - 1] = sums[2][sign * end];
-        }
+        float *const sums[MOST_ROWS] = {memory + half, memory + all + half};
+        memset(memory, 0, sizeof *memory * (size_t)(each.rows * all));
+        lay_arm(f, first, each, column, (int)sign, (int)onto, arms->ends, sums);
+        float *own = parts + arm * channels * arms->ends;
+        for (int row = 0; row < each.rows; row++, own += arms->ends)
+            for (ptrdiff_t end = 1; end <= arms->ends; end++)
+                own[end - 1] = sums[row][sign * end];
     }
     free(memory);
     return fault;
 }
 
-/* One turn's scores; `left` has room for the residuals and the weights that carriers leave. */
+/* One turn's scores; `sums` has room for what groups are added to, and for one. */
 FOR_EACH_MACHINE
 static void join_halves(const float *onto, const float *off, ptrdiff_t ends, ptrdiff_t channels,
                         ptrdiff_t first, ptrdiff_t last, const Likelihood *likelihood,
-                        float *restrict left, float *restrict score)
+                        float *restrict sums, float *restrict score)
 {
-    float like_share = (float)exp(likelihood->like_log), any_share = (float)exp(likelihood->any_log);
-    float carrier_db2 = (float)likelihood->carrier_db2, temperature = (float)likelihood->temperature;
-    memset(left, 0, sizeof *left * (size_t)(2 * ends));
+    float *residual = sums + TAKEN * ends, *weight = residual + ends;
+    memset(sums, 0, sizeof *sums * (size_t)(TAKEN * ends));
     for (ptrdiff_t i = first - 1; i < last; i++)
         score[i] = onto[i] + off[i];
     for (ptrdiff_t channel = 1; channel < channels; channel += 2) {
-        const float *residual = onto + channel * ends, *from_residual = off + channel * ends;
-        const float *weight = residual + ends, *from_weight = from_residual + ends;
-        for (ptrdiff_t i = first - 1; i < last; i++) {
-            float both_residual = residual[i] + from_residual[i];
-            float both_weight = weight[i] + from_weight[i];
-            score[i] += take_carrier(&both_residual, &both_weight, carrier_db2, temperature);
-            left[i] += both_residual;
-            left[ends + i] += both_weight;
-        }
+        for (ptrdiff_t i = 0; i < 2 * ends; i++) /* residuals, and after them weights */
+            residual[i] = onto[channel * ends + i] + off[channel * ends + i];
+        take_group(residual, weight, ends, likelihood, sums, sums + ends, sums + 2 * ends,
+                   sums + 3 * ends, sums + 4 * ends);
     }
-    for (ptrdiff_t i = first - 1; i < last; i++)
-        score[i] += offset_gain(left[i], left[ends + i], likelihood, like_share, any_share);
+    ptrdiff_t at = first - 1;
+    if (last > at)
+        add_gain(score + at, last - at, likelihood, sums + at, sums + ends + at,
+                 sums + 2 * ends + at, sums + 3 * ends + at, sums + 4 * ends + at);
 }
 
 /* Twin of app.numerics.corners.score_turns. */
@@ -106,8 +99,8 @@ int score_turns(const float *parts, ptrdiff_t arms, ptrdiff_t channels, const Tu
     ptrdiff_t ends = turns->ends;
     for (ptrdiff_t i = 0; i < turns->count * ends; i++)
         score[i] = -INFINITY;
-    float *left = malloc(sizeof *left * (size_t)(2 * ends + 1));
-    int fault = left == NULL ? OUT_OF_MEMORY : 0;
+    float *sums = malloc(sizeof *sums * (size_t)((TAKEN + 2) * ends + 1));
+    int fault = sums == NULL ? OUT_OF_MEMORY : 0;
     for (ptrdiff_t turn = 0; fault == 0 && turn < turns->count; turn++) {
         int64_t onto = turns->onto[turn], off = turns->off[turn], room = turns->room[turn];
         if (onto < 0 || onto >= arms || off < 0 || off >= arms) {
@@ -115,8 +108,8 @@ int score_turns(const float *parts, ptrdiff_t arms, ptrdiff_t channels, const Tu
             break;
         }
         join_halves(parts + channels * ends * onto, parts + channels * ends * off, ends, channels,
-                    first, room < last ? room : last, likelihood, left, score + turn * ends);
+                    first, room < last ? room : last, likelihood, sums, score + turn * ends);
     }
-    free(left);
+    free(sums);
     return fault;
 }

@@ -19,13 +19,11 @@ static int allocate(Factors *f, ptrdiff_t samples, ptrdiff_t cells)
 }
 
 /* Adds to what the last sample said; `said` has a place for each cell, heard or not. */
-static void add_sample(Factors *f, const Told *told, ptrdiff_t carrier, ptrdiff_t i,
-                       const Likelihood *likelihood, Said *said)
+static void add_sample(Factors *f, const Told *told, ptrdiff_t i, const Likelihood *likelihood,
+                       Said *said)
 {
     double all = 0.0;
     for (ptrdiff_t cell = 0; cell < told->cells; cell++) {
-        if (told->carrier[cell] != carrier)
-            continue;
         double heard = told->heard[i * told->cells + cell] * told->weight[i];
         double level_db = told->level_db[i * told->cells + cell];
         all += heard;
@@ -40,15 +38,16 @@ static void add_sample(Factors *f, const Told *told, ptrdiff_t carrier, ptrdiff_
 }
 
 /* Leaves out the cells that the last sample did not hear; where the next one's begin. */
-static Said *close_sample(Factors *f, const Told *told, ptrdiff_t carrier, Said *said)
+static Said *close_sample(Factors *f, const Told *told, Said *said)
 {
     Said *end = said;
     for (ptrdiff_t cell = 0, k = 0; cell < told->cells; cell++) {
-        if (told->numbers[cell] < 0 || told->carrier[cell] != carrier)
+        if (told->numbers[cell] < 0)
             continue;
         Said one = said[k];
         said[k++] = (Said){0};
         one.cell = told->numbers[cell];
+        one.group = told->group[cell];
         if (one.heard != 0.0)
             *end++ = one;
     }
@@ -56,14 +55,14 @@ static Said *close_sample(Factors *f, const Told *told, ptrdiff_t carrier, Said 
     return end;
 }
 
-int aim(Factors *f, const Told *told, ptrdiff_t carrier, ptrdiff_t cells, double step_m, int joined,
+int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined,
         const Likelihood *likelihood)
 {
     ptrdiff_t known = 0;
     for (ptrdiff_t cell = 0; cell < told->cells; cell++) {
         if (told->numbers[cell] >= cells)
             return OUT_OF_BOUNDS;
-        known += told->numbers[cell] >= 0 && told->carrier[cell] == carrier;
+        known += told->numbers[cell] >= 0;
     }
     if (allocate(f, told->samples, known) < 0)
         return OUT_OF_MEMORY;
@@ -75,12 +74,12 @@ int aim(Factors *f, const Told *told, ptrdiff_t carrier, ptrdiff_t cells, double
         if (!(fabs(behind) < MOST_COLUMNS))
             return OUT_OF_BOUNDS;
         if (!joined || f->samples == 0 || f->behind[f->samples - 1] != (ptrdiff_t)behind) {
-            said = f->samples == 0 ? said : close_sample(f, told, carrier, said);
+            said = f->samples == 0 ? said : close_sample(f, told, said);
             f->behind[f->samples++] = (ptrdiff_t)behind;
         }
-        add_sample(f, told, carrier, i, likelihood, said);
+        add_sample(f, told, i, likelihood, said);
     }
     if (f->samples > 0)
-        close_sample(f, told, carrier, said);
+        close_sample(f, told, said);
     return 0;
 }

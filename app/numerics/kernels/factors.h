@@ -6,7 +6,7 @@
 
 /* What one sample says of one cell that it heard: -1/2 h y^2, h y, h and the cell's share. */
 typedef struct {
-    ptrdiff_t cell; /* its number in the profile */
+    ptrdiff_t cell, group; /* its number in the profile, and of its group */
     double square, level, heard, share;
 } Said;
 
@@ -25,8 +25,8 @@ typedef struct {
     void *memory; /* all of it: to be freed */
 } Factors;
 
-/* Twin of Query.aim for one carrier; samples of one column are joined when that is wished. */
-int aim(Factors *f, const Told *told, ptrdiff_t carrier, ptrdiff_t cells, double step_m, int joined,
+/* Twin of Query.aim; samples of one column are joined when that is wished. */
+int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined,
         const Likelihood *likelihood);
 
 #endif

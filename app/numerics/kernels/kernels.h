@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 enum { TERMS = 5 };                                              /* A, B, C, L, S of a cell */
-enum { CHAINAGE, WIDTH, SCORE, RESIDUAL, WEIGHT, VALUES };       /* rows of Places.values */
+enum { CHAINAGE, WIDTH, SCORE, RESIDUAL, WEIGHT, APART, VALUES };       /* rows of Places.values */
 enum { X_M, Y_M, LON, LAT, HEADING, PLANE };                     /* rows of Atlas.plane */
 enum { OUT_OF_MEMORY = -1, OUT_OF_BOUNDS = -2 };                 /* what the functions below answer */
 
@@ -22,8 +22,8 @@ typedef struct {
     ptrdiff_t samples, cells;
     const double *behind_m, *weight, *level_db, *heard, *share;
     const ptrdiff_t *numbers; /* of each cell in the profile, or of its stand-in; -1 = neither */
-    const ptrdiff_t *carrier; /* of each cell, from 0 on */
-    ptrdiff_t carriers;
+    const ptrdiff_t *group; /* of each cell, from 0 on: they share an offset */
+    ptrdiff_t groups;
 } Told;
 
 /* A profile's rows: app.numerics.observation.Profile. */
@@ -42,7 +42,7 @@ typedef struct {
 /* The constants of app.numerics.observation and a window's OffsetPrior, its variances over the
  * temperature. */
 typedef struct {
-    double hearing, outside_log, like_db2, like_log, any_db2, any_log, carrier_db2, temperature;
+    double hearing, outside_log, like_db2, like_log, any_db2, any_log, group_db2, apart, temperature;
 } Likelihood;
 
 /* Places and the map's geometry: app.numerics.posterior.Places, app.numerics.index.Atlas. */

@@ -73,7 +73,7 @@ static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t giv
     if (given == 12) {
         Py_ssize_t where_shape[2] = {3, -1};
         const int64_t *where = array(&call, 'l', READ, 2, where_shape);
-        Py_ssize_t shape[3] = {where_shape[1], 1 + 2 * window.carriers, -1};
+        Py_ssize_t shape[3] = {where_shape[1], 1 + 2 * window.groups, -1};
         parts = array(&call, 'f', WRITE, 3, shape);
         if (!call.failed)
             arms = (Arms){shape[0], shape[2], where, where + shape[0], where + 2 * shape[0]};
@@ -377,7 +377,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 12);
+    return PyModule_AddIntConstant(module, "VERSION", 13);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

@@ -17,61 +17,114 @@ typedef struct {
     float square, level, heard, share;
 } Brief;
 
+/* What a window says of some cells: sample `i` from `first[i]` to `first[i + 1] - 1`. */
+typedef struct {
+    ptrdiff_t samples;
+    const ptrdiff_t *behind;
+    ptrdiff_t *first;
+    Brief *each;
+    const float **cells; /* blocks of each of them */
+    ptrdiff_t count;
+} Brieves;
+
+/* A way's sums by column: score, residual and weight of one group, then those of `take_group`. */
+enum { SUMS = 3 + TAKEN };
+
 INLINE Lanes load(const float *from)
 {
     return *(const LooseLanes *)from;
 }
 
-/* One sample's score, residual and weight at the columns of a block. */
-INLINE void lay_sample(const Factors *f, const Brief *brief, ptrdiff_t i, const float *outside,
-                       ptrdiff_t column, Lanes here[3][ABREAST])
+INLINE void add(float *to, Lanes lanes)
 {
-    Lanes score[ABREAST], residual[ABREAST], weight[ABREAST], hearing[ABREAST];
-    for (int j = 0; j < ABREAST; j++) {
-        score[j] = (float)f->outside[i] * load(outside + column + j * LANES);
-        residual[j] = weight[j] = hearing[j] = (Lanes){0};
-    }
-    for (ptrdiff_t k = f->first[i]; k < f->first[i + 1]; k++) {
-        const float *at = brief[k].first + MERGED * column;
-        for (int j = 0; j < ABREAST; j++, at += LANES) {
-            Lanes precision = load(at), pull = load(at + BLOCK);
-            score[j] += brief[k].square * precision + brief[k].level * pull;
-            residual[j] += brief[k].level * precision - brief[k].heard * pull;
-            weight[j] += brief[k].heard * precision;
-            hearing[j] += brief[k].heard * load(at + 2 * BLOCK);
-            hearing[j] += brief[k].share * load(at + 3 * BLOCK);
-        }
-    }
-    for (int j = 0; j < ABREAST; j++) {
-        here[0][j] = score[j] + hearing[j];
-        here[1][j] = residual[j];
-        here[2][j] = weight[j];
-    }
+    *(LooseLanes *)to += lanes;
 }
 
+INLINE void keep(float *to, Lanes lanes)
+{
+    *(LooseLanes *)to = lanes;
+}
+
+/* All cells' scores, without offsets, at every column: `ahead` and `back` are the two ways' sums. */
 FOR_EACH_MACHINE
-static void lay_along(const Tape *tape, const Factors *f, const Brief *brief, ptrdiff_t pad,
-                      float *const sums[2][3], Each each)
+static void lay_scores(const Tape *tape, const Factors *f, const Brief *brief, float *ahead,
+                       float *back, Each each)
 {
     for (ptrdiff_t column = 0; column < tape->columns; column += BLOCK)
         for (ptrdiff_t i = 0; i < f->samples; i++) {
-            if (f->first[i] == f->first[i + 1] && f->outside[i] == 0.0)
-                continue; /* of this carrier the sample heard nothing */
-            Lanes here[3][ABREAST];
-            lay_sample(f, brief, i, tape->outside, column, here);
-            for (int channel = 0; channel < 3; channel++) {
-                float *ahead = sums[0][channel] + pad + column + f->behind[i];
-                float *back = sums[1][channel] + pad + column - f->behind[i];
-                for (int j = 0; j < ABREAST; j++) {
-                    Lanes one = here[channel][j];
-                    *(LooseLanes *)(ahead + j * LANES) += one;
-                    *(LooseLanes *)(back + j * LANES) += one;
-                    if (each.values != NULL)
-                        *(LooseLanes *)(each.values + (3 * i + channel) * each.stride + column +
-                                        j * LANES) = one;
+            Lanes score[ABREAST], hearing[ABREAST];
+            for (int j = 0; j < ABREAST; j++) {
+                score[j] = (float)f->outside[i] * load(tape->outside + column + j * LANES);
+                hearing[j] = (Lanes){0};
+            }
+            for (ptrdiff_t k = f->first[i]; k < f->first[i + 1]; k++) {
+                const float *at = brief[k].first + MERGED * column;
+                for (int j = 0; j < ABREAST; j++, at += LANES) {
+                    score[j] += brief[k].square * load(at) + brief[k].level * load(at + BLOCK);
+                    hearing[j] += brief[k].heard * load(at + 2 * BLOCK);
+                    hearing[j] += brief[k].share * load(at + 3 * BLOCK);
                 }
             }
+            for (int j = 0; j < ABREAST; j++) {
+                ptrdiff_t at = column + j * LANES;
+                add(ahead + at + f->behind[i], score[j] + hearing[j]);
+                add(back + at - f->behind[i], score[j] + hearing[j]);
+                if (each.values != NULL)
+                    keep(each.values + i * each.stride + at, score[j] + hearing[j]);
+            }
         }
+}
+
+/* Whether any of the cells has a level in a block; where none has, there is no residual. */
+INLINE int mapped(const Brieves *own, ptrdiff_t column)
+{
+    Lanes any = {0};
+    for (ptrdiff_t k = 0; k < own->count; k++)
+        for (int j = 0; j < ABREAST; j++)
+            any += load(own->cells[k] + MERGED * column + j * LANES);
+    float all = 0.0f;
+    for (int lane = 0; lane < LANES; lane++)
+        all += any[lane];
+    return all > 0.0f;
+}
+
+/* Residuals and weights of one group at every column where it is mapped. */
+FOR_EACH_MACHINE
+static void lay_residuals(const Tape *tape, const Brieves *own, ptrdiff_t pad,
+                          float *const ways[2][SUMS], Each each, Row *touched)
+{
+    *touched = (Row){tape->columns, 0};
+    for (ptrdiff_t column = 0; column < tape->columns; column += BLOCK) {
+        int some = mapped(own, column);
+        if (!some && each.values == NULL)
+            continue;
+        if (some)
+            *touched = (Row){column < touched->first ? column : touched->first, column + BLOCK};
+        for (ptrdiff_t i = 0; i < own->samples; i++) {
+            if (own->first[i] == own->first[i + 1])
+                continue;
+            Lanes here[2][ABREAST] = {{{0}}};
+            for (ptrdiff_t k = own->first[i]; some && k < own->first[i + 1]; k++) {
+                const Brief *one = own->each + k;
+                for (int j = 0; j < ABREAST; j++) {
+                    const float *at = one->first + MERGED * column + j * LANES;
+                    Lanes precision = load(at), pull = load(at + BLOCK);
+                    here[0][j] += one->level * precision - one->heard * pull;
+                    here[1][j] += one->heard * precision;
+                }
+            }
+            for (int channel = 0; channel < 2; channel++)
+                for (int j = 0; j < ABREAST; j++) {
+                    ptrdiff_t at = column + j * LANES;
+                    if (some) {
+                        add(ways[0][1 + channel] + pad + at + own->behind[i], here[channel][j]);
+                        add(ways[1][1 + channel] + pad + at - own->behind[i], here[channel][j]);
+                    }
+                    if (each.values != NULL)
+                        keep(each.values + (2 * i + channel) * each.stride + at, here[channel][j]);
+                }
+        }
+    }
 }
 
 /*
@@ -90,44 +143,30 @@ static float *room_for(size_t wanted)
     return room;
 }
 
-static void clear_spare(Each each, ptrdiff_t rows)
+/* Rows for as many of each sample; what lies before and between them is read, and cleared. */
+static Each rows_of_samples(float *room, ptrdiff_t samples, ptrdiff_t rows, ptrdiff_t columns)
 {
-    for (ptrdiff_t row = 0; each.values != NULL && row <= rows; row++)
+    Each each = {room + EACH_SPARE, columns + EACH_SPARE, rows};
+    for (ptrdiff_t row = 0; row <= rows * samples; row++)
         memset(each.values + row * each.stride - EACH_SPARE, 0, EACH_SPARE * sizeof(float));
+    return each;
 }
 
-static void make_brief(const Tape *tape, const Factors *f, Brief *brief)
-{
-    for (ptrdiff_t k = 0; k < f->first[f->samples]; k++) {
-        const Said *one = f->said + k;
-        const float *first = tape->blocks + one->cell * MERGED * tape->columns;
-        float share = (float)f->hearing * (float)one->share;
-        brief[k] = (Brief){first, (float)one->square, (float)one->level, (float)one->heard, share};
-    }
-}
-
-/* What a carrier's offset takes at every column; the rest is added to the sums of all. */
+/* What a group's offset takes at columns. */
 FOR_EACH_MACHINE
-static void take_carriers(float *restrict score, float *restrict residual, float *restrict weight,
-                          float *restrict sum_residual, float *restrict sum_weight, ptrdiff_t count,
+static void take_group_at(float *const way[SUMS], ptrdiff_t at, ptrdiff_t count,
                           const Likelihood *likelihood)
 {
-    float carrier_db2 = (float)likelihood->carrier_db2, temperature = (float)likelihood->temperature;
-    for (ptrdiff_t i = 0; i < count; i++) {
-        score[i] += take_carrier(residual + i, weight + i, carrier_db2, temperature);
-        sum_residual[i] += residual[i];
-        sum_weight[i] += weight[i];
-        residual[i] = weight[i] = 0.0f;
-    }
+    take_group(way[1] + at, way[2] + at, count, likelihood, way[3] + at, way[4] + at, way[5] + at,
+               way[6] + at, way[7] + at);
 }
 
 FOR_EACH_MACHINE
-static void add_gain(float *restrict score, const float *restrict residual,
-                     const float *restrict weight, ptrdiff_t count, const Likelihood *likelihood)
+static void add_gain_at(float *const way[SUMS], ptrdiff_t at, ptrdiff_t count,
+                        const Likelihood *likelihood)
 {
-    float like_share = (float)exp(likelihood->like_log), any_share = (float)exp(likelihood->any_log);
-    for (ptrdiff_t i = 0; i < count; i++)
-        score[i] += offset_gain(residual[i], weight[i], likelihood, like_share, any_share);
+    add_gain(way[0] + at, count, likelihood, way[3] + at, way[4] + at, way[5] + at, way[6] + at,
+             way[7] + at);
 }
 
 /* Whether the window, and the tape's places, lie within what memory is made for. */
@@ -145,34 +184,76 @@ static int within(const Factors *f, const Tape *tape, const int64_t *positions, 
     return 0;
 }
 
-/* A way's sums by column: score, residual and weight of one carrier, the latter two of all. */
-enum { SUMS = 5 };
-
-/* Lays one carrier's readings along the tape, and what its offset takes of them. */
-static int lay_carrier(const Tape *tape, const Factors *f, ptrdiff_t carrier, ptrdiff_t reach,
-                       float *const ways[2][SUMS], ptrdiff_t length, const Likelihood *likelihood,
-                       const Arms *arms, ptrdiff_t channels, float *parts)
+static void make_brief(const Tape *tape, const Factors *f, Brief *brief)
 {
-    Brief *brief = malloc((size_t)(f->first[f->samples] + 1) * sizeof *brief);
-    Each each = {NULL, tape->columns + EACH_SPARE};
-    int fault = brief == NULL ? OUT_OF_MEMORY : 0;
-    if (fault == 0 && arms->count > 0) {
-        float *rows = room_for((size_t)(3 * f->samples * each.stride + 2 * EACH_SPARE));
-        each.values = rows == NULL ? NULL : rows + EACH_SPARE;
-        fault = rows == NULL ? OUT_OF_MEMORY : 0;
+    for (ptrdiff_t k = 0; k < f->first[f->samples]; k++) {
+        const Said *one = f->said + k;
+        const float *first = tape->blocks + one->cell * MERGED * tape->columns;
+        float share = (float)f->hearing * (float)one->share;
+        brief[k] = (Brief){first, (float)one->square, (float)one->level, (float)one->heard, share};
+    }
+}
+
+/* What the window says of one group's cells, of those that the tape has. */
+static void choose(const Told *told, const Tape *tape, const Factors *f, const Brief *brief,
+                   ptrdiff_t group, Brieves *own)
+{
+    ptrdiff_t at = 0;
+    for (ptrdiff_t i = 0; i < f->samples; i++) {
+        own->first[i] = at;
+        for (ptrdiff_t k = f->first[i]; k < f->first[i + 1]; k++)
+            if (f->said[k].group == group)
+                own->each[at++] = brief[k];
+    }
+    own->first[f->samples] = at;
+    own->count = 0;
+    for (ptrdiff_t cell = 0; cell < told->cells; cell++)
+        if (told->group[cell] == group && told->numbers[cell] >= 0)
+            own->cells[own->count++] =
+                tape->blocks + told->numbers[cell] * MERGED * tape->columns;
+}
+
+/* All readings along the tape, and what offsets take of them. */
+static int lay_all(const Told *told, const Tape *tape, const Factors *f, ptrdiff_t reach,
+                   float *const ways[2][SUMS], const Likelihood *likelihood, const Arms *arms,
+                   float *parts)
+{
+    ptrdiff_t said = f->first[f->samples], channels = 1 + 2 * told->groups;
+    size_t pointers = (size_t)told->cells + 1, indices = (size_t)f->samples + 1;
+    Brief *brief = malloc(2 * (size_t)(said + 1) * sizeof *brief + pointers * sizeof(float *) +
+                          indices * sizeof(ptrdiff_t));
+    if (brief == NULL)
+        return OUT_OF_MEMORY;
+    const float **cells = (const float **)(brief + 2 * (said + 1));
+    Brieves own = {f->samples, f->behind, (ptrdiff_t *)(cells + pointers), brief + said + 1, cells, 0};
+    Each each = {NULL, 0, 0};
+    float *room = NULL;
+    int fault = 0;
+    if (arms->count > 0) {
+        size_t rows = 2 * (size_t)f->samples + 1;
+        room = room_for(rows * (size_t)(tape->columns + EACH_SPARE) + EACH_SPARE);
+        fault = room == NULL ? OUT_OF_MEMORY : 0;
+        if (fault == 0)
+            each = rows_of_samples(room, f->samples, 1, tape->columns);
     }
     if (fault == 0) {
-        float *const sums[2][3] = {{ways[0][0], ways[0][1], ways[0][2]},
-                                   {ways[1][0], ways[1][1], ways[1][2]}};
-        clear_spare(each, 3 * f->samples);
         make_brief(tape, f, brief);
-        lay_along(tape, f, brief, reach, sums, each);
-        int taken = channels > 3 || likelihood->carrier_db2 > 0.0;
-        for (int way = 0; way < 2 && taken; way++)
-            take_carriers(ways[way][0], ways[way][1], ways[way][2], ways[way][3], ways[way][4],
-                          length, likelihood);
+        lay_scores(tape, f, brief, ways[0][0] + reach, ways[1][0] + reach, each);
         if (arms->count > 0)
-            fault = lay_arms(arms, f, each, tape->columns, carrier, channels, parts);
+            fault = lay_arms(arms, f, NULL, each, tape->columns, channels, parts);
+    }
+    for (ptrdiff_t group = 0; fault == 0 && group < told->groups; group++) {
+        Row touched;
+        choose(told, tape, f, brief, group, &own);
+        if (arms->count > 0)
+            each = rows_of_samples(room, f->samples, 2, tape->columns);
+        lay_residuals(tape, &own, reach, ways, each, &touched);
+        for (int way = 0; way < 2 && touched.end > 0; way++)
+            take_group_at(ways[way], touched.first, touched.end - touched.first + 2 * reach,
+                          likelihood);
+        if (arms->count > 0)
+            fault = lay_arms(arms, f, own.first, each, tape->columns, channels,
+                             parts + (1 + 2 * group) * arms->ends);
     }
     free(brief);
     return fault;
@@ -183,33 +264,27 @@ int score_tape(const Told *told, const Tape *tape, const int64_t *positions, ptr
                double step_m, const Likelihood *likelihood, float *score, const Arms *arms,
                float *parts)
 {
-    ptrdiff_t reach = 0, length = 0, channels = 1 + 2 * told->carriers;
+    Factors f = {0};
+    ptrdiff_t reach = 0, length = 0;
     float *memory = NULL, *ways[2][SUMS] = {{0}};
-    /* Without offsets of carriers, one carrier's sums are those of all. */
-    int fault = 0, left = told->carriers == 1 && !(likelihood->carrier_db2 > 0.0) ? 1 : 3;
-    for (ptrdiff_t carrier = 0; fault == 0 && carrier < told->carriers; carrier++) {
-        Factors f = {0};
-        fault = aim(&f, told, carrier, tape->cells, step_m, 1, likelihood);
-        if (fault == 0 && carrier == 0) {
-            fault = within(&f, tape, positions, count, &reach);
-            length = tape->columns + 2 * (reach + BLOCK);
-            memory = fault == 0 ? calloc((size_t)(2 * SUMS * length), sizeof *memory) : NULL;
-            fault = fault == 0 && memory == NULL ? OUT_OF_MEMORY : fault;
-            for (int part = 0; fault == 0 && part < 2 * SUMS; part++)
-                ways[part / SUMS][part % SUMS] = memory + part * length;
-        }
-        if (fault == 0)
-            fault = lay_carrier(tape, &f, carrier, reach, (float *const(*)[SUMS])ways, length,
-                                likelihood, arms, channels, parts);
-        free(f.memory);
+    int fault = aim(&f, told, tape->cells, step_m, 1, likelihood);
+    if (fault == 0)
+        fault = within(&f, tape, positions, count, &reach);
+    if (fault == 0) {
+        length = tape->columns + 2 * (reach + BLOCK);
+        memory = calloc((size_t)(2 * SUMS * length), sizeof *memory);
+        fault = memory == NULL ? OUT_OF_MEMORY : 0;
     }
+    for (int part = 0; fault == 0 && part < 2 * SUMS; part++)
+        ways[part / SUMS][part % SUMS] = memory + part * length;
+    if (fault == 0)
+        fault = lay_all(told, tape, &f, reach, (float *const(*)[SUMS])ways, likelihood, arms, parts);
     for (int way = 0; fault == 0 && way < 2; way++) {
-        float *every = ways[way][0] + reach;
-        add_gain(every, ways[way][left] + reach, ways[way][left + 1] + reach, tape->columns,
-                 likelihood);
+        add_gain_at(ways[way], reach, tape->columns, likelihood);
         for (ptrdiff_t i = 0; i < count; i++)
-            score[way * count + i] = every[positions[i]];
+            score[way * count + i] = ways[way][0][reach + positions[i]];
     }
     free(memory);
+    free(f.memory);
     return fault;
 }
