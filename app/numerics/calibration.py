@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from app.domain import Calibration, RadioMap, Reliability, RoadModel
+from app.numerics.evidence_table import HeldOut
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, known_beforehand, off_map_terms
@@ -50,7 +51,7 @@ POSITION_SDS_M = (0.0, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 8.0, 11.0)
 INFORMATION_ONCE = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
 INFORMATION_EACH = tuple(float(each) for each in np.geomspace(0.01, 20.0, 31))
 # Of windows drawn reading by reading from the map's own curves: every sample counts, in its place
-EVERY_SAMPLE = (0.0, INFORMATION_EACH[-1], 0.0)
+EVERY_SAMPLE = (0.0, INFORMATION_EACH[-1])
 
 
 def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> Calibration:
@@ -60,7 +61,8 @@ def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> 
     Args:
         models: All roads of the map; those without evidence have no say.
         given: Whose information and position error to take; None = the most probable ones, or
-            `EVERY_SAMPLE` where all held-out windows are drawn.
+            `EVERY_SAMPLE` where all held-out windows are drawn. Places err at least as the passes'
+            own may.
 
     Returns:
         `UNTRIED` where there is too little evidence to say better.
@@ -78,10 +80,11 @@ def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> 
     if given is not None:
         likeliest = (given.information_once, given.information_each, given.position_sd_m)
     elif not any(one.truth.measured for one in asked):
-        likeliest = EVERY_SAMPLE
+        likeliest = (*EVERY_SAMPLE, 0.0)
     else:
         likeliest = _most_probable(asked, sizes, index.offset_prior, index.lengths_m)
     once, each, error_m = likeliest
+    error_m = max(error_m, _map_error_m(models, windows))
     learnt = replace(
         learnt,
         information_once=once,
@@ -167,6 +170,12 @@ def _most_probable(
     return best
 
 
+def _map_error_m(models: Sequence[RoadModel], windows: Sequence[tuple[int, HeldOut]]) -> float:
+    """By how much the map's places err if its passes' do, each for itself, as they may."""
+    variances = [one.doubt_m**2 / models[road].pass_count for road, one in windows]
+    return float(np.sqrt(np.mean(variances)))
+
+
 def _at_temperatures(
     tables: Float[np.ndarray, "windows temperatures errors"], temperature: Floats
 ) -> Float[np.ndarray, "windows errors"]:
@@ -189,7 +198,9 @@ def _log_densities(
     own, truth = one.places, one.truth
     driven = np.where(own.sign == truth.sign)[0]
     miss_m, width_m = own.chainage_m[driven] - truth.chainage_m, own.width_m[driven]
-    near = np.stack([_nearness(miss_m, width_m, sd_m) for sd_m in POSITION_SDS_M], axis=1)
+    doubt_m = truth.doubt_m if truth.measured else 0.0
+    errors_m = np.hypot(POSITION_SDS_M, doubt_m).tolist()
+    near = np.stack([_nearness(miss_m, width_m, sd_m) for sd_m in errors_m], axis=1)
     tempered = [masses(with_offset(own, prior.at(t)), t)[driven] for t in TEMPERATURES.tolist()]
     mass = np.stack(tempered)
     return np.asarray(np.log((1.0 - OFF_MAP_PRIOR) * (mass @ near) + anywhere))

@@ -2,7 +2,7 @@
 Held-out windows as one float32 table, which is how a road model carries them.
 
 Rows of one window follow each other: one that tells its truth, then one a reading. Columns: number
-of the window, what the row is, and three values.
+of the window, what the row is, and four values; three in older models, whose truths had no doubt.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-COLUMNS = 5
-TRUTH, READING = range(2)  # chainage, sign, fold | distance, cell, dBm
+COLUMNS = 6
+TRUTH, READING = range(2)  # chainage, sign, fold, doubt | distance, cell, dBm, 0
 NO_CELL = -1.0  # of a sample that heard nothing, which is evidence too
 DRAWN = -2  # fold of windows that nobody drove
 DRAWN_BLINDLY = -1  # of those drawn, in older models, whatever the road's readings are like
@@ -33,6 +33,8 @@ class HeldOut:
         sign: +1 when driven towards growing chainage, else -1.
         fold: Which of the model's ``unseen`` curves lack its passes; `DRAWN` when its readings are
             drawn from the model.
+        doubt_m: Standard deviation of what the truth itself errs by: as fixes scatter, where it was
+            driven. A drawn one errs by as much as the map does whose only pass it was drawn from.
     """
 
     distance_m: Float[np.ndarray, " samples"]
@@ -41,6 +43,7 @@ class HeldOut:
     chainage_m: float
     sign: int
     fold: int
+    doubt_m: float = 0.0
 
     @property
     def measured(self) -> bool:
@@ -56,7 +59,7 @@ def pack(windows: Sequence[HeldOut]) -> Float32[np.ndarray, "rows columns"]:
         silent = np.flatnonzero(np.isnan(one.rsrp_dbm).all(axis=1))
         block = np.zeros((1 + len(sample) + len(silent), COLUMNS))
         block[:, 0] = number
-        block[0, 1:] = TRUTH, one.chainage_m, one.sign, one.fold
+        block[0, 1:] = TRUTH, one.chainage_m, one.sign, one.fold, one.doubt_m
         block[1:, 1] = READING
         block[1:, 2] = one.distance_m[np.concatenate([sample, silent])]
         block[1:, 3] = np.concatenate([one.cells[column], np.full(len(silent), NO_CELL)])
@@ -67,7 +70,7 @@ def pack(windows: Sequence[HeldOut]) -> Float32[np.ndarray, "rows columns"]:
 
 def unpack(table: Float[np.ndarray, "rows columns"]) -> list[HeldOut]:
     """The windows of a model's table that tell something; none where it is of another layout."""
-    if table.shape[1] != COLUMNS or not len(table):
+    if table.shape[1] not in (COLUMNS - 1, COLUMNS) or not len(table):
         return []
     starts = np.flatnonzero(table[:, 1] == TRUTH)
     every = [_window(block.astype(np.float64)) for block in np.split(table, starts[1:])]
@@ -75,11 +78,12 @@ def unpack(table: Float[np.ndarray, "rows columns"]) -> list[HeldOut]:
 
 
 def _window(block: Float[np.ndarray, "rows columns"]) -> HeldOut:
-    _, _, chainage_m, sign, fold = block[0].tolist()
+    _, _, chainage_m, sign, fold, *doubt_m = block[0].tolist()
     readings = block[1:]
     distance_m, sample = np.unique(readings[:, 2], return_inverse=True)
     heard = readings[:, 3] != NO_CELL
     cells, column = np.unique(readings[heard, 3].astype(np.intp), return_inverse=True)
     rsrp_dbm = np.full((len(distance_m), len(cells)), np.nan)
     rsrp_dbm[sample[heard], column] = readings[heard, 4]
-    return HeldOut(distance_m, rsrp_dbm, cells, chainage_m, int(sign), int(fold))
+    truth = (chainage_m, int(sign), int(fold), *doubt_m)
+    return HeldOut(distance_m, rsrp_dbm, cells, *truth)

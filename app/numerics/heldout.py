@@ -100,8 +100,10 @@ def held_out_evidence(
                     found += _held_out(one, first, last, fold)
     elif may_draw:
         drawn = [_redrawn(one, surface, step_m, seed) for seed, one in enumerate(passes)]
+        rng = np.random.default_rng(len(passes))
         for one, first, last in _cut(drawn, WINDOWS_PER_ROAD):
-            found += _held_out(one, first, last, DRAWN)
+            missed_m = one.doubt_m * float(rng.standard_normal())
+            found += _held_out(one, first, last, DRAWN, missed_m)
     empty = np.zeros((0, 3, len(nodes), len(cells)), dtype=np.float16)
     return Evidence(pack(found), np.stack(unseen) if unseen else empty)
 
@@ -146,7 +148,7 @@ def _redrawn(one: RoadPass, surface: Surface, step_m: float, seed: int) -> RoadP
     heard = rng.random(mean_dbm.shape) < surface.heard[nearest]
     drawn = mean_dbm + surface.spread_db[nearest] * rng.standard_normal(heard.shape)
     rsrp = np.where(heard, drawn, np.nan)
-    return RoadPass(one.chainage_m, rsrp, (~np.isnan(rsrp)).astype(float), one.group)
+    return RoadPass(one.chainage_m, rsrp, (~np.isnan(rsrp)).astype(float), one.group, None, one.doubt_m)
 
 
 def _cut(passes: Sequence[RoadPass], most: int) -> list[tuple[RoadPass, int, int]]:
@@ -177,12 +179,20 @@ def _cut(passes: Sequence[RoadPass], most: int) -> list[tuple[RoadPass, int, int
     return windows
 
 
-def _held_out(one: RoadPass, first: int, last: int, fold: int) -> list[HeldOut]:
-    """The window; nothing where it heard no cell."""
+def _held_out(
+    one: RoadPass, first: int, last: int, fold: int, missed_m: float = 0.0
+) -> list[HeldOut]:
+    """
+    The window; nothing where it heard no cell.
+
+    Args:
+        missed_m: How far from its place it was.
+    """
     rsrp = one.rsrp_dbm[first : last + 1]
     heard = np.flatnonzero(~np.isnan(rsrp).all(axis=0))
     if len(heard) == 0:
         return []
     travelled_m = one.travelled_m[first : last + 1]
-    true_m = float(one.chainage_m[last])
-    return [HeldOut(travelled_m - travelled_m[-1], rsrp[:, heard], heard, true_m, one.sign, fold)]
+    true_m = np.clip(one.chainage_m[last] + missed_m, one.chainage_m.min(), one.chainage_m.max())
+    truth = (float(true_m), one.sign, fold, one.doubt_m)
+    return [HeldOut(travelled_m - travelled_m[-1], rsrp[:, heard], heard, *truth)]

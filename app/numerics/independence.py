@@ -17,9 +17,9 @@ from jaxtyping import Float
 from app.numerics.curves import FittedCurves
 from app.numerics.passes import RoadPass
 
-FEWEST_PAIRS = 100.0  # of readings of one sample; fewer tell nothing
+FEWEST_PAIRS = 40.0  # of readings of one sample; fewer tell nothing, and a map asks all its roads
 MOST_SHARED = 0.06  # of the variance, beyond chance; real drives: 0.2, 19 in 20 above 0.08
-CHANCES_SDS = 2.0  # so much of what independent noise would show may be chance
+CHANCES_SDS = 1.0  # so much of what independent noise would show may be chance
 
 
 def errs_apart(passes: Sequence[RoadPass], curves: FittedCurves, step_m: float) -> bool:

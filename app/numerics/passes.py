@@ -78,6 +78,7 @@ class RoadPass:
         heard: Share of the row's samples that heard the cell, same shape.
         group: Passes of one day share it: they are held out together.
         samples: What the rows were joined from; None where that is not known.
+        doubt_m: How far its places may be wrong (`app.numerics.smoothing`).
     """
 
     chainage_m: Float[np.ndarray, " rows"]
@@ -85,6 +86,7 @@ class RoadPass:
     heard: Float[np.ndarray, "rows cells"]
     group: str
     samples: Samples | None = None
+    doubt_m: float = 0.0
 
     @property
     def travelled_m(self) -> Floats:
@@ -120,7 +122,7 @@ class RoadPass:
         if len(_starts(moved_m)) < MIN_ROWS:
             return self
         time_s, rsrp_dbm = all_of.time_s[kept], all_of.rsrp_dbm[kept] - level_db
-        return _pass(Samples(time_s, moved_m, rsrp_dbm, all_of.end_m), self.group)
+        return _pass(Samples(time_s, moved_m, rsrp_dbm, all_of.end_m), self.group, self.doubt_m)
 
 
 def all_cells(passes: Sequence[Trace]) -> tuple[str, ...]:
@@ -168,14 +170,15 @@ def lay_on_road(line: Line, trace: Trace, cells: tuple[str, ...], name: str) -> 
     column = {cell: index for index, cell in enumerate(cells)}
     rsrp = np.full((int(near.sum()), len(cells)), np.nan)
     rsrp[:, [column[cell] for cell in trace.cells]] = trace.rsrp_dbm[near]
-    chainage_m = smooth_chainage(feet.chainage_m[near], feet.offset_m[near], trace.time_s[near])
+    time_s = trace.time_s[near]
+    chainage_m, doubt_m = smooth_chainage(feet.chainage_m[near], feet.offset_m[near], time_s)
     if len(_starts(chainage_m)) < MIN_ROWS:
         return None
     group = trace.recorded_at.date().isoformat() if trace.recorded_at else name
-    return _pass(Samples(trace.time_s[near], chainage_m, rsrp, end_m), group)
+    return _pass(Samples(time_s, chainage_m, rsrp, end_m), group, doubt_m)
 
 
-def _pass(samples: Samples, group: str) -> RoadPass:
+def _pass(samples: Samples, group: str, doubt_m: float) -> RoadPass:
     """One row for each stretch of samples that stay in one metre, in driving order."""
     chainage_m, rsrp_dbm, starts = samples.chainage_m, samples.rsrp_dbm, samples.starts()
     size = np.diff(np.append(starts, len(chainage_m)))
@@ -185,7 +188,7 @@ def _pass(samples: Samples, group: str) -> RoadPass:
     with np.errstate(invalid="ignore"):
         mean = total / count
     row_m = np.add.reduceat(chainage_m, starts) / size
-    return RoadPass(row_m, mean, count / size[:, None], group, samples)
+    return RoadPass(row_m, mean, count / size[:, None], group, samples, doubt_m)
 
 
 def _starts(chainage_m: Floats) -> Int[np.ndarray, " rows"]:

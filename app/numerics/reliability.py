@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -78,6 +78,8 @@ def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -
 
 def _outcome(index: MapIndex, one: Trial) -> Outcome:
     temperature = index.calibration.temperature(one.weight, one.samples)
+    if one.truth.measured and one.truth.doubt_m > 0.0:
+        index = index.recalibrated(_beside(index.calibration, one.truth.doubt_m))
     told = [
         summarise(index, one.places, temperature, confidence, in_c=native.BUILT)
         for confidence in CONFIDENCES
@@ -90,6 +92,12 @@ def _outcome(index: MapIndex, one: Trial) -> Outcome:
     right = told[0].road == one.road
     hit, posterior = _segment(index, told[0], one.truth.chainage_m)
     return Outcome(right, told[0].road_mass, right and hit, posterior, error_m, within)
+
+
+def _beside(learnt: Calibration, doubt_m: float) -> Calibration:
+    """What a map says of places that are known no better than so."""
+    errors_m = np.hypot([learnt.position_sd_m, learnt.segment_sd_m], doubt_m).tolist()
+    return replace(learnt, position_sd_m=errors_m[0], segment_sd_m=errors_m[1])
 
 
 def _segment(index: MapIndex, told: Summary, chainage_m: float) -> tuple[bool, float]:

@@ -19,21 +19,49 @@ from app.numerics.geodesy import Floats
 FAINT_M = 0.5  # receivers that filter their own fixes show less; smoothing them again adds nothing
 MIN_FIXES = 8
 ACCELERATIONS_MPS2 = tuple(np.geomspace(0.05, 3.2, 13).tolist())  # a steady drive .. a town's
+ASKED = 32  # fixes, evenly over a drive, whose doubt stands for all of them
 CALM = 0.6745  # median of |N(0, 1)|: a few sharp turns of the wheel must not count as jitter
 
 
+class Smooth(NamedTuple):
+    """
+    A drive's progress.
+
+    Attributes:
+        doubt_m: How far a place may still be wrong: standard deviation, over all of the drive.
+    """
+
+    chainage_m: Float[np.ndarray, " fixes"]
+    doubt_m: float
+
+
 class _Smoothed(NamedTuple):
-    """Progress without jitter, and how improbable it makes the fixes."""
+    """
+    Progress without jitter, how improbable it makes the fixes, and what it was solved with.
+
+    Attributes:
+        factor: Of the normal equations, whose inverse is the covariance in units of the jitter's.
+    """
 
     progress_m: Floats
     deviance: float
+    factor: Float[np.ndarray, "3 fixes"]
+
+    def doubt_m(self, jitter_m: float) -> float:
+        """Standard deviation of the progress, the mean over fixes."""
+        size = len(self.progress_m)
+        asked = np.unique(np.rint(np.linspace(0, size - 1, ASKED)).astype(int))
+        units = np.zeros((size, len(asked)))
+        units[asked, np.arange(len(asked))] = 1.0
+        solved = cho_solve_banded((self.factor, True), units)
+        return jitter_m * float(np.sqrt(solved[asked, np.arange(len(asked))].mean()))
 
 
 def smooth_chainage(
     chainage_m: Float[np.ndarray, " fixes"],
     offset_m: Float[np.ndarray, " fixes"],
     time_s: Float[np.ndarray, " fixes"],
-) -> Float[np.ndarray, " fixes"]:
+) -> Smooth:
     """
     Chainage of each fix with the receiver's jitter taken out.
 
@@ -45,21 +73,22 @@ def smooth_chainage(
         time_s: Non-decreasing.
 
     Returns:
-        ``chainage_m`` itself where there are too few fixes or too little jitter to speak of.
+        ``chainage_m`` itself, without doubt, where there are too few fixes or too little jitter to
+        speak of.
     """
     moving = np.concatenate(([True], np.diff(time_s) > 0.0))
     if moving.sum() < MIN_FIXES:
-        return chainage_m
+        return Smooth(chainage_m, 0.0)
     second = _second_differences(time_s[moving])
     jitter_m = _spread(second, offset_m[moving], _noise_gain(second))
     if jitter_m < FAINT_M:
-        return chainage_m
+        return Smooth(chainage_m, 0.0)
     tried = [
         _smoothed(second, chainage_m[moving], jitter_m, acceleration)
         for acceleration in ACCELERATIONS_MPS2
     ]
     best = min(tried, key=lambda one: one.deviance)
-    return np.asarray(best.progress_m[np.cumsum(moving) - 1])
+    return Smooth(best.progress_m[np.cumsum(moving) - 1], best.doubt_m(jitter_m))
 
 
 def _second_differences(time_s: Floats) -> Float[np.ndarray, "inner 3"]:
@@ -99,4 +128,4 @@ def _smoothed(
     progress_m = cho_solve_banded((factor, True), chainage_m)
     misfit = float(chainage_m @ (chainage_m - progress_m)) / jitter_m**2
     determinant = 2.0 * float(np.log(factor[0]).sum())
-    return _Smoothed(progress_m, misfit + determinant - len(second) * float(np.log(strength)))
+    return _Smoothed(progress_m, misfit + determinant - len(second) * float(np.log(strength)), factor)
