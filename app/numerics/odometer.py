@@ -27,7 +27,7 @@ from app.numerics.refinement import LIGHTEST as DRAWN_FROM
 from app.numerics.stretches import Stretch, lay
 
 SCALE_SD = 0.03  # of odometers that err at all: worn tyres, wrong ones, slip
-EXACT = 0.3  # share of odometers that do not, before anything is seen
+EXACT = 0.2  # share of odometers that do not, before anything is seen
 FINE_SDS = (-1.8, -0.9, 0.9, 1.8)
 ROUGH_SDS = (-(3.0**0.5), 3.0**0.5)  # Gauss and Hermite's with the middle: exact for wide peaks
 ROUGH_SHARE = 1.0 / 6.0  # of each of these
