@@ -148,7 +148,9 @@ def _redrawn(one: RoadPass, surface: Surface, step_m: float, seed: int) -> RoadP
     heard = rng.random(mean_dbm.shape) < surface.heard[nearest]
     drawn = mean_dbm + surface.spread_db[nearest] * rng.standard_normal(heard.shape)
     rsrp = np.where(heard, drawn, np.nan)
-    return RoadPass(one.chainage_m, rsrp, (~np.isnan(rsrp)).astype(float), one.group, None, one.doubt_m)
+    return RoadPass(
+        one.chainage_m, rsrp, (~np.isnan(rsrp)).astype(float), one.group, None, one.doubt_m
+    )
 
 
 def _cut(passes: Sequence[RoadPass], most: int) -> list[tuple[RoadPass, int, int]]:

@@ -128,4 +128,6 @@ def _smoothed(
     progress_m = cho_solve_banded((factor, True), chainage_m)
     misfit = float(chainage_m @ (chainage_m - progress_m)) / jitter_m**2
     determinant = 2.0 * float(np.log(factor[0]).sum())
-    return _Smoothed(progress_m, misfit + determinant - len(second) * float(np.log(strength)), factor)
+    return _Smoothed(
+        progress_m, misfit + determinant - len(second) * float(np.log(strength)), factor
+    )

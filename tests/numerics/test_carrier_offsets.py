@@ -113,7 +113,7 @@ def test_a_louder_carrier_moves_less_than_without_offsets_of_carriers():
 
 
 def test_changed_cells_move_little_where_each_may_have_changed():
-    """Six cells of one carrier by 4 dB up or down, each for itself: fixes stay, and are not sure."""
+    """Six cells of one carrier by 4 dB up or down, each for itself."""
     index, models = map_of(models_of("paper")), models_of("paper")
     rigid = copy(index)
     rigid.offset_prior = dataclasses.replace(index.offset_prior, apart=1e-12)

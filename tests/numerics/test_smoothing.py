@@ -54,13 +54,17 @@ def test_a_steady_speed_shows_through_strong_jitter():
 def test_a_quiet_receiver_is_left_alone():
     """Where fixes lie within half a metre of a smooth path nothing is changed, bit by bit."""
     _, chainage_m, offset_m, time_s = drive(1, 0.2)
-    np.testing.assert_array_equal(smooth_chainage(chainage_m, offset_m, time_s).chainage_m, chainage_m)
+    np.testing.assert_array_equal(
+        smooth_chainage(chainage_m, offset_m, time_s).chainage_m, chainage_m
+    )
 
 
 def test_few_fixes_are_left_alone():
     """Too few fixes to tell jitter from driving stay as they are."""
     _, chainage_m, offset_m, time_s = drive(2, 4.0, count=MIN_FIXES - 1)
-    np.testing.assert_array_equal(smooth_chainage(chainage_m, offset_m, time_s).chainage_m, chainage_m)
+    np.testing.assert_array_equal(
+        smooth_chainage(chainage_m, offset_m, time_s).chainage_m, chainage_m
+    )
 
 
 def test_driving_back_mirrors_the_smoothing():
@@ -69,6 +73,22 @@ def test_driving_back_mirrors_the_smoothing():
     there = smooth_chainage(chainage_m, offset_m, time_s).chainage_m
     back = smooth_chainage(1000.0 - chainage_m, offset_m, time_s).chainage_m
     np.testing.assert_allclose(back, 1000.0 - there, atol=1e-6)
+
+
+@pytest.mark.parametrize("speed", [steady, stop_and_go])
+def test_the_doubt_is_as_large_as_the_error(speed):
+    """By some third, for jitters from one metre to four; nothing smoothed, nothing doubted."""
+    for jitter_m in (1.0, 2.0, 4.0):
+        errors_m, doubts_m = [], []
+        for seed in range(8):
+            truth_m, chainage_m, offset_m, time_s = drive(seed, jitter_m, speed=speed)
+            smooth = smooth_chainage(chainage_m, offset_m, time_s)
+            errors_m.append(smooth.chainage_m - truth_m)
+            doubts_m.append(smooth.doubt_m)
+        error_m = float(np.sqrt(np.mean(np.square(errors_m))))
+        assert np.mean(doubts_m) == pytest.approx(error_m, rel=0.35)
+    _, chainage_m, offset_m, time_s = drive(1, 0.1)
+    assert smooth_chainage(chainage_m, offset_m, time_s).doubt_m == 0.0
 
 
 def test_a_steady_drive_at_uneven_times_stays_straight():
