@@ -25,7 +25,7 @@ typedef struct {
     Brief *each;
     const float **cells; /* blocks of each of them */
     ptrdiff_t count;
-} Brieves;
+} Briefs;
 
 /* A way's sums by column: score, residual and weight of one group, then those of `take_group`. */
 enum { SUMS = 3 + TAKEN };
@@ -76,7 +76,7 @@ static void lay_scores(const Tape *tape, const Factors *f, const Brief *brief, f
 }
 
 /* Whether any of the cells has a level in a block; where none has, there is no residual. */
-INLINE int mapped(const Brieves *own, ptrdiff_t column)
+INLINE int mapped(const Briefs *own, ptrdiff_t column)
 {
     Lanes any = {0};
     for (ptrdiff_t k = 0; k < own->count; k++)
@@ -90,7 +90,7 @@ INLINE int mapped(const Brieves *own, ptrdiff_t column)
 
 /* Residuals and weights of one group at every column where it is mapped. */
 FOR_EACH_MACHINE
-static void lay_residuals(const Tape *tape, const Brieves *own, ptrdiff_t pad,
+static void lay_residuals(const Tape *tape, const Briefs *own, ptrdiff_t pad,
                           float *const ways[2][SUMS], Each each, Row *touched)
 {
     *touched = (Row){tape->columns, 0};
@@ -196,7 +196,7 @@ static void make_brief(const Tape *tape, const Factors *f, Brief *brief)
 
 /* What the window says of one group's cells, of those that the tape has. */
 static void choose(const Told *told, const Tape *tape, const Factors *f, const Brief *brief,
-                   ptrdiff_t group, Brieves *own)
+                   ptrdiff_t group, Briefs *own)
 {
     ptrdiff_t at = 0;
     for (ptrdiff_t i = 0; i < f->samples; i++) {
@@ -225,7 +225,7 @@ static int lay_all(const Told *told, const Tape *tape, const Factors *f, ptrdiff
     if (brief == NULL)
         return OUT_OF_MEMORY;
     const float **cells = (const float **)(brief + 2 * (said + 1));
-    Brieves own = {f->samples, f->behind, (ptrdiff_t *)(cells + pointers), brief + said + 1, cells, 0};
+    Briefs own = {f->samples, f->behind, (ptrdiff_t *)(cells + pointers), brief + said + 1, cells, 0};
     Each each = {NULL, 0, 0};
     float *room = NULL;
     int fault = 0;
