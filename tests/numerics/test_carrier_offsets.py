@@ -113,7 +113,7 @@ def test_a_louder_carrier_moves_less_than_without_offsets_of_carriers():
 
 
 def test_changed_cells_move_little_where_each_may_have_changed():
-    """Six cells of one carrier by 4 dB up or down, each for itself."""
+    """Six cells of one carrier by 5 dB up or down, each for itself."""
     index, models = map_of(models_of("paper")), models_of("paper")
     rigid = copy(index)
     rigid.offset_prior = dataclasses.replace(index.offset_prior, apart=1e-12)
@@ -122,7 +122,7 @@ def test_changed_cells_move_little_where_each_may_have_changed():
         rng = np.random.default_rng(seed)
         asked = window(models[seed % 4], seed, samples=30)
         changed = dataclasses.replace(
-            asked, rsrp_dbm=asked.rsrp_dbm + 4.0 * rng.choice([-1.0, 1.0], len(asked.cells))
+            asked, rsrp_dbm=asked.rsrp_dbm + 5.0 * rng.choice([-1.0, 1.0], len(asked.cells))
         )
         for may, there in ((True, index), (False, rigid)):
             here, moved = (locate(there, one) for one in (asked, changed))
