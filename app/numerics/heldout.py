@@ -100,7 +100,7 @@ def held_out_evidence(
                     found += _held_out(one, first, last, fold)
     elif may_draw:
         drawn = [_redrawn(one, surface, step_m, seed) for seed, one in enumerate(passes)]
-        rng = np.random.default_rng(len(passes))
+        rng = np.random.default_rng(len(passes))  # a seed that none of the passes was drawn with
         for one, first, last in _cut(drawn, WINDOWS_PER_ROAD):
             missed_m = one.doubt_m * float(rng.standard_normal())
             found += _held_out(one, first, last, DRAWN, missed_m)
