@@ -241,11 +241,13 @@ class Window:
     Attributes:
         distance_m: Travelled, non-decreasing, any origin. Shape ``(samples,)``.
         rsrp_dbm: Shape ``(samples, cells)``; NaN = not heard.
+        distance_error: Standard deviation of what they are multiplied by; None = nobody knows.
     """
 
     cells: tuple[str, ...]
     distance_m: Float[np.ndarray, " samples"]
     rsrp_dbm: Float[np.ndarray, "samples cells"]
+    distance_error: float | None = None
 
 
 class Candidate(NamedTuple):

@@ -55,7 +55,7 @@ def _clean_window(request: LocateRequest, limits: Limits) -> Window | None:
         return None
     if np.fmin.reduce(rsrp_dbm, None) < LOW_DBM or np.fmax.reduce(rsrp_dbm, None) > HIGH_DBM:
         return None
-    return Window(tuple(cells), way_m, rsrp_dbm)
+    return Window(tuple(cells), way_m, rsrp_dbm, request.distance_error)
 
 
 def _distance_m(request: LocateRequest, samples: int) -> Floats | None:

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 from app.numerics.belief import LIGHTEST, Belief, Mode
 from app.numerics.graph import REACH_M, Link
 from app.numerics.index import MapIndex
+from app.numerics.offmap import OFF_MAP_PRIOR
 
-ODOMETER_ERROR = 0.02  # of the way: tyres, slip, wheel counts; phones that integrate speed
+ODOMETER_ERROR = 0.02  # of the way, where nobody said: tyres, slip, phones that integrate speed
 FLOOR_M = 1.0  # of a step: the readings' clock against the odometer's
 MAP_ERROR_REACH_M = 150.0  # over which the map's errors of position are alike
 TURN = 0.02  # of the vehicles at a junction take each way off; few, see docs/algorithms/tracking.md
@@ -25,8 +26,7 @@ LEAVE_AT_END = 0.1  # of the vehicles at a road's end go where the map has no ro
 BACK_AT_END = 0.03  # turn round there
 U_TURN = 0.001  # turn round anywhere else, per step
 LOST = 0.002  # per step: whatever this model does not know
-OFF_MAP_MEMORY_M = 1_000.0  # way after which being off the map is forgotten
-OFF_MAP_SHARE = 0.05  # what it is forgotten to: the prior of a window without a track
+OFF_MAP_MEMORY_M = 1_000.0  # way after which being off the map is forgotten, back to the prior
 FARTHEST_M = 3_000.0  # a longer way between windows leaves nothing of a track
 MOST_BRANCHES = 160
 ROOM_M = 5.0  # a way that ends sooner leads nowhere
@@ -66,21 +66,25 @@ class Predicted:
     off_map: float
 
 
-def predict(index: MapIndex, belief: Belief, travelled_m: float) -> Predicted:
+def predict(
+    index: MapIndex, belief: Belief, travelled_m: float, distance_error: float | None = None
+) -> Predicted:
     """
     The belief after ``travelled_m`` more metres, before anything new was heard.
 
     Args:
         travelled_m: From the last sample of the belief's window to the last of the new one.
+        distance_error: Of that way, see `app.domain.Window`; None = `ODOMETER_ERROR`.
     """
     forgotten = 1.0 - math.exp(-travelled_m / OFF_MAP_MEMORY_M)
-    back, away = belief.off_map * forgotten, OFF_MAP_SHARE * forgotten
-    off_map = belief.off_map - back * (1.0 - OFF_MAP_SHARE)
+    back, away = belief.off_map * forgotten, OFF_MAP_PRIOR * forgotten
+    off_map = belief.off_map - back * (1.0 - OFF_MAP_PRIOR)
     on_map = 1.0 - belief.off_map
     off_map += on_map * away
     if travelled_m > FARTHEST_M:
         return Predicted((), 1.0 - off_map, off_map)
-    error_m2 = (ODOMETER_ERROR * travelled_m) ** 2 + (FLOOR_M if travelled_m > 0 else 0.0) ** 2
+    error = ODOMETER_ERROR if distance_error is None else distance_error
+    error_m2 = (error * travelled_m) ** 2 + (FLOOR_M if travelled_m > 0 else 0.0) ** 2
     error_m2 += _map_error_m2(index, travelled_m)
     ways = _Ways(index, travelled_m)
     kept = (1.0 - away) * (1.0 - (LOST if travelled_m > 0 else 0.0))

@@ -2,8 +2,8 @@
 Windows whose odometer is a few per cent off.
 
 Tyres, slip and wheel counts make a vehicle's metres longer or shorter than the map's by a factor
-that holds for a whole window and that nobody reports. Each of a few factors is a hypothesis of its
-own: about the places that carry mass the window is laid again with its distances multiplied, and
+that holds for a whole window. A window may say how far its distances err; of most nobody knows.
+Each of a few factors is a hypothesis of its own: about the places that carry mass the window is laid again with its distances multiplied, and
 the places of all factors share the posterior by the factors' prior. A place that is not laid again
 is as likely under each of them as it is at its word. Where the place is known no better than the
 factor could move it there is nothing to tell, and nothing is laid again.
@@ -11,8 +11,10 @@ factor could move it there is nothing to tell, and nothing is laid again.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -26,9 +28,10 @@ from app.numerics.refinement import AROUND, MIN_ROW, MOST_ROWS, PARTS, refine_ea
 from app.numerics.refinement import LIGHTEST as DRAWN_FROM
 from app.numerics.stretches import Stretch, lay
 
-SCALE_SD = 0.03  # of odometers that err at all: worn tyres, wrong ones, slip
-EXACT = 0.2  # share of odometers that do not, before anything is seen
-FINE_SDS = (-1.8, -0.9, 0.9, 1.8)
+SCALE_SD = 0.03  # of odometers that err, where nobody said: worn tyres, wrong ones, slip
+EXACT = 0.2  # share of odometers that do not, where nobody said
+FINE_REACH = 1.8  # standard deviations to either side
+FINE_STEPS = 2.0 / SCALE_SD  # to either side, of each unit of a standard deviation
 ROUGH_SDS = (-(3.0**0.5), 3.0**0.5)  # Gauss and Hermite's with the middle: exact for wide peaks
 ROUGH_SHARE = 1.0 / 6.0  # of each of these
 FINE_FROM = 1.0  # of a peak's width that one standard deviation moves the oldest sample by
@@ -56,23 +59,47 @@ class Factors:
         return float(np.log1p(np.exp(self.log_prior).sum()))
 
     @classmethod
-    def rough(cls) -> Factors:
-        """Two, for peaks about as wide as the factors move them."""
-        share = (1.0 - EXACT) * ROUGH_SHARE
-        return cls._of(ROUGH_SDS, np.full(len(ROUGH_SDS), share))
-
-    @classmethod
-    def fine(cls) -> Factors:
-        """Four, for peaks that are narrower."""
-        density = np.exp(-0.5 * np.square(FINE_SDS))
-        return cls._of(FINE_SDS, (1.0 - EXACT) * density / (1.0 + density.sum()))
-
-    @classmethod
-    def _of(cls, sds: tuple[float, ...], share: Float[np.ndarray, " factors"]) -> Factors:
-        return cls(1.0 + SCALE_SD * np.array(sds), np.log(share) - np.log1p(-share.sum()))
+    def of(
+        cls, value: Float[np.ndarray, " factors"], share: Float[np.ndarray, " factors"]
+    ) -> Factors:
+        """Factors and their shares of the prior; the rest of it is that of 1."""
+        return cls(value, np.log(share) - np.log1p(-share.sum()))
 
 
-FINE, ROUGH = Factors.fine(), Factors.rough()
+@dataclass(frozen=True, slots=True)
+class Odometer:
+    """
+    What is known beforehand of the odometer that told a window's distances.
+
+    Attributes:
+        scale_sd: Spread of the factor about 1; 0 = exact.
+        rough: Two factors, for peaks about as wide as the factors move them.
+        fine: For peaks that are narrower, four, or as many as are no farther apart than these.
+    """
+
+    scale_sd: float
+    rough: Factors
+    fine: Factors
+
+
+@lru_cache(maxsize=256)
+def odometer_of(distance_error: float | None) -> Odometer:
+    """
+    The odometer of a window.
+
+    Args:
+        distance_error: One standard deviation of the factor, as the window says; None = it does
+            not, and the odometer is one of all there are.
+    """
+    scale_sd, err = (SCALE_SD, 1.0 - EXACT) if distance_error is None else (distance_error, 1.0)
+    steps = max(math.ceil(scale_sd * FINE_STEPS - 1e-9), 2)
+    fine_sds = np.delete(np.linspace(-FINE_REACH, FINE_REACH, 2 * steps + 1), steps)
+    density = np.exp(-0.5 * fine_sds**2)
+    return Odometer(
+        scale_sd,
+        Factors.of(1.0 + scale_sd * np.array(ROUGH_SDS), np.full(2, err * ROUGH_SHARE)),
+        Factors.of(1.0 + scale_sd * fine_sds, err * density / (1.0 + density.sum())),
+    )
 
 
 def multiplied(query: Query, factor: float) -> Query:
@@ -89,10 +116,11 @@ def factors_for(query: Query, width_m: float) -> Factors | None:
     Args:
         width_m: Of the window's peak.
     """
-    moved_m = SCALE_SD * query.length_m
-    if moved_m < ROUGH_FROM * width_m:
+    odometer = odometer_of(query.distance_error)
+    moved_m = odometer.scale_sd * query.length_m
+    if moved_m == 0.0 or moved_m < ROUGH_FROM * width_m:
         return None
-    return FINE if moved_m > FINE_FROM * width_m else ROUGH
+    return odometer.fine if moved_m > FINE_FROM * width_m else odometer.rough
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,7 +191,7 @@ def _in_c(
     before: Places,
 ) -> Others | None:
     """The same with the kernels in C."""
-    atlas, moved_m = index.atlas, SCALE_SD * query.length_m
+    atlas, moved_m = index.atlas, odometer_of(query.distance_error).scale_sd * query.length_m
     near = (WITHIN * temperature, LIGHTEST * temperature)
     limits = (moved_m / ROUGH_FROM, -ROUGH_SDS[0] * moved_m, MOST_M)
     width_m, found = native_factors.stretches_about(
@@ -196,7 +224,7 @@ def stretches_about(
 ) -> list[Stretch]:
     """Stretches about the places that carry mass; none when they are longer than `MOST_M`."""
     heavy = (places.score >= places.score.max() - LIGHTEST * temperature).nonzero()[0]
-    reach_m = -ROUGH_SDS[0] * SCALE_SD * query.length_m
+    reach_m = -ROUGH_SDS[0] * odometer_of(query.distance_error).scale_sd * query.length_m
     road, sign = places.where.take(heavy, axis=1).tolist()
     found: list[Stretch] = []
     metres = 0.0

@@ -56,6 +56,7 @@ class Query:
         fine: The readings metre by metre.
         group: Number of each cell's group among the window's (`app.numerics.carriers.groups`).
         told: The same for the kernels in C; None = all is worked out with numpy.
+        distance_error: Of the window's distances, see `app.domain.Window`.
     """
 
     cells: tuple[str, ...]
@@ -64,6 +65,7 @@ class Query:
     fine: Evidence
     group: Int[np.ndarray, " cells"]
     told: native.Told | None = None
+    distance_error: float | None = None
     _aims: dict[int, Aim] = field(default_factory=dict)
     _priors: list[OffsetPrior] = field(default_factory=list)
     _terms: list[native.Likelihood] = field(default_factory=list)
@@ -184,10 +186,10 @@ def ask(index: MapIndex, window: Window, *, in_c: bool = False) -> Query:
         told, fine = native.evidence(
             distance_m, rsrp_dbm, columns, FINE_STEP_M, carrier, group.tolist()
         )
-        return Query(names, unknown, len(distance_m), fine, group, told)
+        return Query(names, unknown, len(distance_m), fine, group, told, window.distance_error)
     if columns != list(range(len(window.cells))):
         rsrp_dbm = rsrp_dbm[:, columns]
-    return prepare(names, unknown, distance_m, rsrp_dbm, group)
+    return prepare(names, unknown, distance_m, rsrp_dbm, group, window.distance_error)
 
 
 def _heard_columns(rsrp_dbm: Float[np.ndarray, "samples cells"]) -> list[int]:
@@ -204,7 +206,8 @@ def prepare(
     distance_m: Float[np.ndarray, " samples"],
     rsrp_dbm: Float[np.ndarray, "samples cells"],
     group: Int[np.ndarray, " cells"],
+    distance_error: float | None = None,
 ) -> Query:
     """A query from readings whose columns are exactly ``cells``, each of a group."""
     fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M, carriers.numbers(cells))
-    return Query(cells, unknown, len(distance_m), fine, group)
+    return Query(cells, unknown, len(distance_m), fine, group, distance_error=distance_error)

@@ -24,9 +24,9 @@ from app.numerics.answer import answer, fit_of_place
 from app.numerics.belief import Belief, Mode, Prior, condense
 from app.numerics.index import MapIndex
 from app.numerics.matching import COARSE_FLATTENING, Coarse, fine_places, place, shortlist
-from app.numerics.motion import OFF_MAP_SHARE, Branch, Predicted, predict
+from app.numerics.motion import Branch, Predicted, predict
 from app.numerics.observation import CORRELATION_M
-from app.numerics.offmap import Fit, off_map_probability
+from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability
 from app.numerics.paths import places_round, turns_within
 from app.numerics.posterior import SCORE, Places, masses
 from app.numerics.query import LONGEST_M, Query, ask
@@ -83,7 +83,7 @@ def follow(
         travelled_m: From that window's last sample to this one's. Readings farther back than this
             were heard already and count no second time.
     """
-    predicted = predict(index, belief, travelled_m)
+    predicted = predict(index, belief, travelled_m, window.distance_error)
     recent = _unheard(window, travelled_m)
     filtered = _filtered(index, recent, belief, predicted, travelled_m, (confidence, in_c))
     if travelled_m <= 0:
@@ -143,7 +143,8 @@ def _joined(heard: Window, recent: Window, travelled_m: float) -> Window:
         parts.append(rsrp_dbm)
     before_m = heard.distance_m - heard.distance_m[-1] - travelled_m
     new_m = recent.distance_m - recent.distance_m[-1]
-    return Window(cells, np.concatenate((before_m, new_m)), np.concatenate(parts))
+    way_m, rsrp_dbm = np.concatenate((before_m, new_m)), np.concatenate(parts)
+    return Window(cells, way_m, rsrp_dbm, recent.distance_error)
 
 
 def _turned(index: MapIndex, belief: Belief, predicted: Predicted, fix: Fix) -> bool:
@@ -164,7 +165,8 @@ def _unheard(window: Window, travelled_m: float) -> Window:
     if first == 0 and since_m[0] < travelled_m:
         return window
     first = first if since_m[first] < travelled_m else len(since_m) - 1
-    return Window(window.cells, window.distance_m[first:], window.rsrp_dbm[first:])
+    way_m, rsrp_dbm = window.distance_m[first:], window.rsrp_dbm[first:]
+    return Window(window.cells, way_m, rsrp_dbm, window.distance_error)
 
 
 def _trust(index: MapIndex, query: Query, travelled_m: float) -> float:
@@ -232,7 +234,7 @@ def _off_map(index: MapIndex, query: Query, fit: Fit | None, before: float, trus
     if not query.cells and not query.unknown:
         return before
     alone = off_map_probability(index.calibration, fit, query.information(index.calibration))
-    heard = trust * (_log_odds(alone) - _log_odds(OFF_MAP_SHARE))
+    heard = trust * (_log_odds(alone) - _log_odds(OFF_MAP_PRIOR))
     low, high = OFF_MAP_BOUNDS
     log_odds = _log_odds(min(max(before, low), high)) + heard
     return 1.0 / (1.0 + math.exp(-min(max(log_odds, -30.0), 30.0)))

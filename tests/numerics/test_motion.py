@@ -9,6 +9,7 @@ from app.domain import Calibration, RadioMap
 from app.numerics.belief import Belief, Mode
 from app.numerics.index import MapIndex
 from app.numerics.motion import FARTHEST_M, Predicted, predict
+from app.numerics.offmap import OFF_MAP_PRIOR
 from tests.factories import line_at, model_of
 from tests.numerics.test_graph import line_through
 
@@ -101,4 +102,13 @@ def test_being_off_the_map_is_forgotten(crossing: MapIndex):
     shares = [predict(crossing, lost, way_m).off_map for way_m in (0.0, 300.0, 1000.0, 20_000.0)]
     assert shares == sorted(shares, reverse=True)
     assert shares[0] == 1.0
-    assert shares[-1] == pytest.approx(0.05, abs=0.01)
+    assert shares[-1] == pytest.approx(OFF_MAP_PRIOR, abs=0.005)
+
+
+def test_a_known_odometer_moves_the_spread(crossing: MapIndex):
+    """An exact one adds what clocks and the map err by, one of 5 % that much of the way."""
+    spread = [
+        predict(crossing, at(150.0), 200.0, error).branches[0].mode.sd_m for error in (0.0, None, 0.05)
+    ]
+    assert spread == sorted(spread)
+    assert spread[2] ** 2 - spread[0] ** 2 == pytest.approx((0.05 * 200.0) ** 2)

@@ -15,10 +15,9 @@ from app.numerics.chosen import choose
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.matching import finest_places, locate, place
 from app.numerics.odometer import (
-    FINE,
-    ROUGH,
     factors_for,
     multiplied,
+    odometer_of,
     peak_width_m,
     stretches_about,
     under_other_factors,
@@ -29,11 +28,12 @@ from app.numerics.query import ask
 from tests.numerics.cities import city_of, index_of
 
 WINDOWS = 60
+ANY = odometer_of(None)
 
 
-def off_by(window: Window, factor: float) -> Window:
+def off_by(window: Window, factor: float, error: float | None = None) -> Window:
     """The window as a vehicle tells it whose odometer counts so much too far."""
-    return replace(window, distance_m=window.distance_m * factor)
+    return replace(window, distance_m=window.distance_m * factor, distance_error=error)
 
 
 def straight_of(index, query):
@@ -41,43 +41,69 @@ def straight_of(index, query):
     return finest_places(index, query, choose(index, query)[0])
 
 
-def errors_m(factor: float) -> np.ndarray:
+def errors_m(factor: float, error: float | None = None) -> np.ndarray:
     """Of windows of 30 m ending anywhere, with six cells; the error, and the 95 % radius."""
     index, out = index_of(), []
     for window, truth in windows(city_of(), WINDOWS, length_m=30.0):
-        fix = locate(index, off_by(window, factor), confidence=0.95)
+        fix = locate(index, off_by(window, factor, error), confidence=0.95)
         assert fix.road_id == truth.road_id
         out.append((abs(fix.chainage_m - truth.chainage_m), fix.accuracy_m))
     return np.array(out).T
 
 
-def test_factors_are_balanced():
-    """Of either list: most odometers are right, the mean factor is 1, its spread as stated."""
-    for factors in (FINE, ROUGH):
-        exact = 1.0 / (1.0 + np.exp(factors.log_prior).sum())
-        share = exact * np.exp(factors.log_prior)
-        assert exact > odometer.EXACT
+@pytest.mark.parametrize("error", [None, 0.01, 0.1])
+def test_factors_are_balanced(error):
+    """Of either list: 1 is likelier than said, the mean factor is 1; of two the spread is so, too."""
+    known = odometer_of(error)
+    exact, scale_sd = (odometer.EXACT, odometer.SCALE_SD) if error is None else (0.0, error)
+    for factors in (known.fine, known.rough):
+        middle = 1.0 / (1.0 + np.exp(factors.log_prior).sum())
+        share = middle * np.exp(factors.log_prior)
+        assert middle > exact
         assert share @ (factors.value - 1.0) == pytest.approx(0.0, abs=1e-12)
-    spread = np.sqrt(share @ (ROUGH.value - 1.0) ** 2)
-    assert spread == pytest.approx(odometer.SCALE_SD * np.sqrt(1.0 - odometer.EXACT))
+    spread = np.sqrt(share @ (known.rough.value - 1.0) ** 2)
+    assert spread == pytest.approx(scale_sd * np.sqrt(1.0 - exact))
 
 
 @pytest.mark.parametrize("factor", [0.97, 1.03])
-def test_a_wrong_odometer_is_seen_through(factor, monkeypatch):
-    """3 % too far or too short: a third less error than without factors, and radii that hold."""
+def test_a_wrong_odometer_is_seen_through(factor):
+    """3 % too far or too short: a third less error than at its word, and radii that hold."""
     error_m, radius_m = errors_m(factor)
     assert np.mean(error_m <= radius_m) >= 0.85
-    monkeypatch.setattr(odometer, "SCALE_SD", 1e-9)
-    without_m, narrow_m = errors_m(factor)
+    without_m, narrow_m = errors_m(factor, 0.0)
     assert error_m.mean() < 2.0 / 3.0 * without_m.mean()
     assert np.mean(without_m <= narrow_m) < np.mean(error_m <= radius_m)
 
 
-def test_a_right_odometer_pays_little(monkeypatch):
-    """The chance of other factors costs exact windows a fifth of their error at most."""
-    with_m, _ = errors_m(1.0)
-    monkeypatch.setattr(odometer, "SCALE_SD", 1e-9)
-    assert with_m.mean() < 1.2 * errors_m(1.0)[0].mean()
+def test_a_right_odometer_pays_little():
+    """Where nobody says that an odometer is exact it costs a fifth of the error at most."""
+    assert errors_m(1.0)[0].mean() < 1.2 * errors_m(1.0, 0.0)[0].mean()
+
+
+def test_what_an_odometer_is_known_for_decides():
+    """
+    Windows 6 % short: the farther they are said to err the better they are seen through, and the
+    oftener the radius holds; an exact odometer is taken at its word, and has no other factors.
+    """
+    errors = (0.0, 0.01, None, 0.06)
+    found = [errors_m(0.94, error) for error in errors]
+    mean_m = [error_m.mean() for error_m, _ in found]
+    held = [np.mean(error_m <= radius_m) for error_m, radius_m in found]
+    assert mean_m == sorted(mean_m, reverse=True)
+    assert held == sorted(held)
+    assert held[-1] >= 0.9
+    assert held[0] < 0.1
+    window, _ = windows(city_of(), 1, length_m=30.0)[0]
+    assert place(index_of(), ask(index_of(), off_by(window, 1.0, 0.0))).log_prior is None
+
+
+def test_factors_are_no_farther_apart_than_an_unknown_odometer_s():
+    """However far an odometer may err: between two factors a narrow peak would be lost."""
+    step = np.diff(np.append(ANY.fine.value, 1.0)).max()
+    for error in (0.01, 0.03, 0.05, 0.1):
+        value = np.sort(np.append(odometer_of(error).fine.value, 1.0))
+        assert value[-1] - 1.0 == pytest.approx(1.8 * error)
+        assert np.diff(value).max() <= step + 1e-12
 
 
 def test_the_definition_knows_factors_too():
@@ -115,7 +141,7 @@ def test_narrow_peaks_have_more_factors_than_wide_ones():
             straight = straight_of(index, query)
             told = factors_for(query, peak_width_m(straight, query.temperature(index.calibration)))
             found.add(0 if told is None else len(told.value))
-    assert {len(ROUGH.value), len(FINE.value)} <= found
+    assert {len(ANY.rough.value), len(ANY.fine.value)} <= found
 
 
 def test_places_that_are_not_laid_again_stand_for_every_factor():
@@ -158,7 +184,7 @@ def test_the_true_factor_carries_the_mass():
         assert others is not None
         mass = masses(others.places, query.temperature(index.calibration))[len(straight) :]
         assert len(mass) == len(others.log_prior)
-        assert FINE.log_prior[0] == pytest.approx(FINE.log_prior[-1])
+        assert ANY.fine.log_prior[0] == pytest.approx(ANY.fine.log_prior[-1])
         at = np.flatnonzero(np.diff(others.log_prior))[1] + 1  # two factors under 1, then two over
         below.append(mass[:at].sum() > mass[at:].sum())
     assert np.mean(below) > 0.8

@@ -10,6 +10,8 @@ from app.api.problems import ProblemDocument
 from app.api.schemas.explanation import ExplanationDocument
 from app.api.schemas.fields import STRICT, CellIds, Numbers, Rows
 
+MAX_DISTANCE_ERROR = 0.1  # beyond it nothing is left of an odometer
+
 
 class LocateRequest(BaseModel):
     """
@@ -30,6 +32,13 @@ class LocateRequest(BaseModel):
     )
     speed_mps: float | Numbers | None = Field(
         default=None, description="Speed, one number for the window or one a sample."
+    )
+    distance_error: Annotated[float, Field(ge=0, le=MAX_DISTANCE_ERROR)] | None = Field(
+        default=None,
+        description=(
+            "Share by which the way may be told too long or too short, one standard deviation: "
+            "0.01 for an odometer good to 1 %, 0 for an exact one. Absent or null: nobody knows."
+        ),
     )
     confidence: Annotated[float, Field(gt=0, lt=1)] = Field(
         default=0.68, description="Confidence that `accuracy_m` is given at."
