@@ -43,6 +43,13 @@ def locate(
         bool,
         typer.Option("--track", help="Follow a CSV drive window by window, not its end alone."),
     ] = False,
+    distance_error: Annotated[
+        float | None,
+        typer.Option(
+            help="Share by which the way may be told too long or too short (one standard "
+            "deviation): 0.01 = good to 1 %, 0 = exact. Unsaid: unknown, or as in the JSON.",
+        ),
+    ] = None,
     explain: Annotated[
         bool, typer.Option("--explain", help="Say why: what decided, and what the runner-up was.")
     ] = False,
@@ -57,6 +64,8 @@ def locate(
     """
     with reported():
         documents = _read_drive(file, length_m) if track else [_read_window(file, length_m)]
+    if distance_error is not None:
+        documents = [{**document, "distance_error": distance_error} for document in documents]
     if explain:
         documents = [{**document, "explain": True} for document in documents]
     with open_target(url, data) as target:

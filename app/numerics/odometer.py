@@ -3,10 +3,11 @@ Windows whose odometer is a few per cent off.
 
 Tyres, slip and wheel counts make a vehicle's metres longer or shorter than the map's by a factor
 that holds for a whole window. A window may say how far its distances err; of most nobody knows.
-Each of a few factors is a hypothesis of its own: about the places that carry mass the window is laid again with its distances multiplied, and
-the places of all factors share the posterior by the factors' prior. A place that is not laid again
-is as likely under each of them as it is at its word. Where the place is known no better than the
-factor could move it there is nothing to tell, and nothing is laid again.
+Each of a few factors is a hypothesis of its own: about the places that carry mass the window is
+laid again with its distances multiplied, and the places of all factors share the posterior by the
+factors' prior. A place that is not laid again is as likely under each of them as it is at its word.
+Where the place is known no better than the factor could move it there is nothing to tell, and
+nothing is laid again.
 """
 
 from __future__ import annotations

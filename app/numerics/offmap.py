@@ -19,7 +19,9 @@ from app.numerics.offsets import APART_SHARE, OffsetPrior, offset_gain_at
 
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
 TYPICAL_DB = 1.0  # devices of one kind differ by about so much
-OFF_MAP_PRIOR = 0.02  # of 0.05, 0.03 and 0.02 what refuses least and is most nearly right: decision 17
+OFF_MAP_PRIOR = (
+    0.02  # of 0.05, 0.03 and 0.02 what refuses least and is most nearly right: decision 17
+)
 
 
 class Fit(NamedTuple):

@@ -12,6 +12,7 @@ import pytest
 
 from app.api.schemas.locate import FixDocument
 from tests.api.conftest import Service, assert_problem, window_json
+from tests.factories import line_at, trace_along
 
 
 def located(service: Service, **changed: Any) -> dict[str, Any]:
@@ -111,6 +112,20 @@ def test_confidence_widens_the_radius(shared: Service):
     assert radii == sorted(radii)
 
 
+def test_how_far_distances_err_may_be_told(shared: Service):
+    """Null is the same as nothing; what is told moves the fix, of one window and in a batch."""
+    trace = trace_along(line_at(), seed=9)
+    heard = [[None if np.isnan(one) else float(one) for one in row] for row in trace.rsrp_dbm[:60]]
+    way_m = (8.0 * trace.time_s[:60]).tolist()
+    drive = window_json(cells=list(trace.cells), rsrp_dbm=heard, distance_m=way_m)
+    fixes = {error: located(shared, **drive, distance_error=error) for error in (None, 0.0, 0.1)}
+    assert located(shared, **drive) == fixes[None]
+    assert len({fix["candidates"][0]["chainage_m"] for fix in fixes.values()}) == len(fixes)
+    windows = [{**drive, "distance_error": error} for error in fixes]
+    batch = shared.client.post("/v1/locate/batch", json={"windows": windows}).json()
+    assert batch["fixes"] == list(fixes.values())
+
+
 def test_without_a_map_the_service_says_so(service: Service):
     """503 with `Retry-After`, for one window and for many; a malformed one is told that first."""
     for path, body in (("/v1/locate", window_json()), ("/v1/locate/batch", {"windows": []})):
@@ -145,6 +160,8 @@ WINDOW_REFUSALS: list[tuple[str, dict[str, Any], set[str], str]] = [
     ("filler", raw(rsrp_dbm=[[-90.0, 127, -90.0]] + [[-90.0] * 3] * 3), {"/rsrp_dbm/0/1"}, "filler"),
     ("certainty", raw(confidence=1.0), {"/confidence"}, "1.0"),
     ("no confidence", raw(confidence=0), {"/confidence"}, "0"),
+    ("percent", raw(distance_error=3.0), {"/distance_error"}, "0.1"),
+    ("better than exact", raw(distance_error=-0.01), {"/distance_error"}, "0"),
     ("negative limit", raw(max_candidates=-1), {"/max_candidates"}, "-1"),
     ("half a candidate", raw(max_candidates=1.5), {"/max_candidates"}, "1.5"),
     ("too many samples", window_json(101), {"/rsrp_dbm"}, "101 samples; 100 are the most"),

@@ -66,6 +66,11 @@ def test_a_window_is_located_on_the_folder_as_over_http(folder, service, window_
     assert orjson.loads(local.stdout) == fix
     assert fix["road"]["id"] == truth.road_id
     assert fix["position"]["chainage_m"] == pytest.approx(truth.chainage_m, abs=3.0)
+    exact = roadprint("locate", path, "--data", folder, "--distance-error", "0", "--json")
+    assert orjson.loads(exact.stdout)["accuracy_m"] < fix["accuracy_m"]
+    wrong = roadprint("locate", path, "--data", folder, "--distance-error", "3")
+    assert wrong.returncode == 1
+    assert "/distance_error" in wrong.stderr
 
 
 def test_the_end_of_a_drive_is_located(service, tmp_path):

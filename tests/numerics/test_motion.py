@@ -108,7 +108,8 @@ def test_being_off_the_map_is_forgotten(crossing: MapIndex):
 def test_a_known_odometer_moves_the_spread(crossing: MapIndex):
     """An exact one adds what clocks and the map err by, one of 5 % that much of the way."""
     spread = [
-        predict(crossing, at(150.0), 200.0, error).branches[0].mode.sd_m for error in (0.0, None, 0.05)
+        predict(crossing, at(150.0), 200.0, error).branches[0].mode.sd_m
+        for error in (0.0, None, 0.05)
     ]
     assert spread == sorted(spread)
     assert spread[2] ** 2 - spread[0] ** 2 == pytest.approx((0.05 * 200.0) ** 2)

@@ -53,7 +53,7 @@ def errors_m(factor: float, error: float | None = None) -> np.ndarray:
 
 @pytest.mark.parametrize("error", [None, 0.01, 0.1])
 def test_factors_are_balanced(error):
-    """Of either list: 1 is likelier than said, the mean factor is 1; of two the spread is so, too."""
+    """Of either list: 1 is likelier than said, the mean is 1; of two the spread is right, too."""
     known = odometer_of(error)
     exact, scale_sd = (odometer.EXACT, odometer.SCALE_SD) if error is None else (0.0, error)
     for factors in (known.fine, known.rough):
