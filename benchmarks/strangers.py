@@ -4,7 +4,7 @@ How well a window off the map is told: `python -m benchmarks.strangers [SCENARIO
 The same windows are asked of a map, and of the map without their road. That is done with the map
 fitted to the survey and, to see what a survey could tell at best, with the scenario's own curves as
 they were on the survey's day and as they are when the vehicles drive. Then how right the posterior
-of the road is: over windows on the map alone, and where one window in twenty is off it, as the
+of the road is: over windows on the map alone, and where as many are off it as the
 prior has it. Windows of 10 s, or of 30 m where samples do not come by the clock.
 """
 
@@ -105,7 +105,7 @@ def described(rows: Sequence[Row]) -> str:
     return (
         f"{on.sum()} windows  AUROC {auroc(off_map[~on], off_map[on]):.3f}  "
         f"refused {np.mean(off_map[on] > 0.5):.1%}  "
-        f"ECE of the road {alone:.1%}, one in twenty off the map {mixed:.1%}"
+        f"ECE of the road {alone:.1%}, {OFF_MAP_PRIOR:.0%} of windows off the map {mixed:.1%}"
     )
 
 

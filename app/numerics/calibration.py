@@ -22,7 +22,7 @@ from app.domain import Calibration, RadioMap, Reliability, RoadModel
 from app.numerics.evidence_table import HeldOut
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
-from app.numerics.offmap import OFF_MAP_PRIOR, Fit, known_beforehand, off_map_terms
+from app.numerics.offmap import OFF_MAP_PRIOR, STRANGE, Fit, known_beforehand, off_map_terms
 from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetPrior
 from app.numerics.posterior import RESIDUAL, WEIGHT, masses
 from app.numerics.reliability import reliability
@@ -242,10 +242,11 @@ def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]
     centre[0], scale[0] = 0.0, 1.0
     design = (terms - centre) / scale
     theta = _newton(design, label, weight, known)
-    strange = float(np.clip(theta[-1], -scale[-1], 0.0))
-    if strange != theta[-1]:
-        known += strange * design[:, -1]
-        theta = np.append(_newton(design[:, :-1], label, weight, known), strange)
+    strange = float(np.clip(theta[STRANGE], -scale[STRANGE], 0.0))
+    if strange != theta[STRANGE]:
+        known += strange * design[:, STRANGE]
+        others = np.delete(design, STRANGE, axis=1)
+        theta = np.insert(_newton(others, label, weight, known), STRANGE, strange)
     slopes = theta / scale
     slopes[0] -= float(slopes[1:] @ centre[1:]) + np.log(OFF_MAP_PRIOR / (1.0 - OFF_MAP_PRIOR))
     return tuple(slopes.tolist())

@@ -1,8 +1,8 @@
 """
 Whether a window comes from the map's roads at all.
 
-A logistic curve of how well it fits there, and of how loud the device would have to be for it,
-learnt from windows that are on the map and windows that the map cannot know, see
+A logistic curve of how well it fits there, how loud the device would have to be for it and how much
+there was to fit, learnt from windows that are on the map and windows that the map cannot know, see
 `app.numerics.calibration`.
 """
 
@@ -19,6 +19,8 @@ from app.numerics.offsets import APART_SHARE, OffsetPrior, offset_gain_at
 
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
 TYPICAL_DB = 1.0  # devices of one kind differ by about so much
+NOISE_DB2 = 9.0  # levels that vary by less along a window show next to nothing of a place
+STRANGE = 4  # which of `off_map_terms` is the device's
 OFF_MAP_PRIOR = (
     0.02  # of 0.05, 0.03 and 0.02 what refuses least and is most nearly right: decision 17
 )
@@ -34,11 +36,13 @@ class Fit(NamedTuple):
         offset_db: That offset. Devices differ, but windows of unknown roads need any offset.
         apart: Probability that cells have offsets of their own, where that is not known beforehand:
             windows of unknown roads fit best with any; else 0.
+        varied_db2: By how much the cells' levels vary along the window, each about its own mean.
     """
 
     per_reading: float
     offset_db: float
     apart: float = 0.0
+    varied_db2: float = 0.0
 
 
 def off_map_terms(fit: Fit, information: float) -> tuple[float, ...]:
@@ -46,11 +50,13 @@ def off_map_terms(fit: Fit, information: float) -> tuple[float, ...]:
     What the log odds of being on the map are linear in.
 
     An offset counts by the logarithm of a Cauchy density of scale `TYPICAL_DB`, large ones hardly
-    more than middling ones, and however long the window is: it has one device.
+    more than middling ones, and however long the window is: it has one device. Levels that hardly
+    vary fit well in many a place: that they fit says the more the more there was to fit.
     """
     size = math.log(min(max(information, LEAST), MOST))
     strange = math.log1p((fit.offset_db / TYPICAL_DB) ** 2)
-    return 1.0, fit.per_reading, size, fit.per_reading * size, strange
+    varied = math.log1p(fit.varied_db2 / NOISE_DB2)
+    return 1.0, fit.per_reading, size, fit.per_reading * size, strange, varied
 
 
 def known_beforehand(fit: Fit) -> float:
@@ -69,12 +75,20 @@ def best_fit(sums: tuple[float, float, float, float], prior: OffsetPrior, seen: 
         sums: Score, residual and weight of the best place, and how probably groups are apart there.
     """
     score, residual, weight, apart = sums
-    readings = float((seen.weight @ seen.heard).sum())
+    of_cell = seen.weight[:, None] * seen.heard
+    count = of_cell.sum(axis=0)
+    readings = max(float(count.sum()), 1e-6)
+    level_db = of_cell * seen.rsrp_db
+    mean_db2 = float((level_db.sum(axis=0) ** 2 / np.maximum(count, 1e-6)).sum())
+    varied_db2 = max(float((level_db * seen.rsrp_db).sum()) - mean_db2, 0.0) / readings
     gain = offset_gain_at(residual, weight, prior)
     free = 0.5 * residual**2 / max(weight, 1e-6)
-    per_reading = (score - gain + free) / max(readings, 1e-6)
-    known = prior.apart == 1.0
-    return Fit(per_reading, residual / max(weight, 1e-6), 0.0 if known else apart)
+    return Fit(
+        per_reading=(score - gain + free) / readings,
+        offset_db=residual / max(weight, 1e-6),
+        apart=0.0 if prior.apart == 1.0 else apart,
+        varied_db2=varied_db2,
+    )
 
 
 def off_map_probability(calibration: Calibration, fit: Fit | None, information: float) -> float:
@@ -82,7 +96,7 @@ def off_map_probability(calibration: Calibration, fit: Fit | None, information: 
     Probability that the window comes from a road that the map lacks.
 
     Args:
-        calibration: Older ones have coefficients of the first four terms alone.
+        calibration: Older ones have coefficients of the first four or five terms alone.
         fit: From `best_fit`; None for a window that heard no cell of the map.
         information: How many independent samples the window is worth: the fit of many says more.
     """

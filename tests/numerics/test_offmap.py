@@ -1,0 +1,155 @@
+"""Windows off the map: told by how badly they fit, by their device, by what there was to fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.domain import Calibration, Window
+from app.evaluation.scenario import windows
+from app.numerics.answer import fit_of_place
+from app.numerics.calibration import (
+    _log_odds,
+)
+from app.numerics.evidence_table import DRAWN
+from app.numerics.matching import fine_places, shortlist
+from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability, off_map_terms
+from app.numerics.offsets import APART_SHARE
+from app.numerics.query import ask
+from tests.numerics.cities import city_of, index_of
+from tests.numerics.trials import trial
+
+
+def test_off_map_falls_with_the_fit():
+    """The better a window fits the less it is off the map; with no known cell it is."""
+    fits = [Fit(per_reading, 0.0) for per_reading in (-9.0, -2.0, 0.0, 1.0, 3.0)]
+    odds = [off_map_probability(Calibration(), fit, 5.0) for fit in fits]
+    assert odds == sorted(odds, reverse=True)
+    assert odds[0] > 0.9
+    assert odds[-1] < 0.1
+    assert off_map_probability(Calibration(), None, 5.0) > 0.999
+
+
+def test_log_odds_part_two_classes():
+    """Fits that lie apart the more the longer the window: the learnt odds say so, both ways."""
+    rng = np.random.default_rng(8)
+    trials = []
+    for _ in range(600):
+        one = trial(rng, 10, 10.0)
+        weight = float(np.exp(rng.uniform(0.0, 3.0)))
+        noise = 1.0 / np.sqrt(weight)
+        on, off = 1.0 + noise * rng.normal(), noise * rng.normal()
+        trials.append(
+            replace(one, weight=weight, samples=99, fit=Fit(on, 0.0), stranger_fit=Fit(off, 0.0))
+        )
+    learnt = Calibration(off_map=_log_odds(trials, Calibration()))
+    for weight, sure in ((1.0, 0.25), (18.0, 0.02)):
+        assert off_map_probability(learnt, Fit(1.0, 0.0), weight) < sure
+        # Log odds of the two Gaussians at their middle are even, but for the prior.
+        middle = off_map_probability(learnt, Fit(0.5, 0.0), weight)
+        assert middle == pytest.approx(OFF_MAP_PRIOR, abs=0.02)
+    off = off_map_probability(learnt, Fit(0.0, 0.0), 18.0)
+    evidence = off / (1.0 - off) * (1.0 - OFF_MAP_PRIOR) / OFF_MAP_PRIOR
+    assert evidence > 57.0  # with a prior of one in twenty: off the map at three to one
+
+
+def trials_with_offsets(seed: int, *, measured: bool):
+    """Fits that overlap, survey devices alike, strangers' best places that need any offset."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for _ in range(500):
+        one = trial(rng, 10, 10.0)
+        truth = replace(one.truth, fold=0 if measured else DRAWN)
+        on = Fit(0.7 + 0.5 * rng.normal(), 0.4 * rng.normal())
+        off = Fit(0.5 * rng.normal(), 7.0 * rng.normal())
+        out.append(replace(one, truth=truth, weight=5.0, samples=99, fit=on, stranger_fit=off))
+    return out
+
+
+def test_a_window_that_needs_a_strange_device_is_likelier_off_the_map():
+    """The same fit with 15 dB of offset; with 6 dB, as a vehicle's may have, it is kept."""
+    learnt = Calibration(off_map=_log_odds(trials_with_offsets(3, measured=True), Calibration()))
+    usual, unusual, strange = (
+        off_map_probability(learnt, Fit(0.8, offset_db), 5.0) for offset_db in (0.3, 6.0, 15.0)
+    )
+    assert usual < unusual < 0.5
+    assert strange > 5.0 * usual
+    assert off_map_probability(learnt, Fit(0.8, -15.0), 5.0) == pytest.approx(strange)
+
+
+def test_drawn_windows_tell_nothing_of_devices():
+    """Of roads with one pass: the odds do not hang on the offset."""
+    learnt = Calibration(off_map=_log_odds(trials_with_offsets(4, measured=False), Calibration()))
+    odds = [off_map_probability(learnt, Fit(0.4, offset_db), 5.0) for offset_db in (0.0, 15.0)]
+    assert odds[0] == pytest.approx(odds[1])
+
+
+def test_the_more_there_was_to_fit_the_more_a_fit_says():
+    """Where strangers fit flat windows as well as their own road does, and others badly."""
+    rng = np.random.default_rng(6)
+    trials = []
+    for _ in range(500):
+        varied_db2 = float(rng.exponential(20.0))
+        on = Fit(0.8 + 0.3 * rng.normal(), 0.0, 0.0, varied_db2)
+        off = Fit(0.8 - 0.04 * varied_db2 + 0.3 * rng.normal(), 0.0, 0.0, varied_db2)
+        one = trial(rng, 10, 10.0)
+        trials.append(replace(one, weight=5.0, samples=99, fit=on, stranger_fit=off))
+    learnt = Calibration(off_map=_log_odds(trials, Calibration()))
+    fits = [Fit(0.6, 0.0, 0.0, varied_db2) for varied_db2 in (0.0, 10.0, 40.0)]
+    off = [off_map_probability(learnt, fit, 5.0) for fit in fits]
+    assert off[0] > 3.0 * off[1] > 9.0 * off[2]
+
+
+def test_levels_vary_about_each_cell_s_own_mean():
+    """By the book, weighted as samples are; louder cells and other places move nothing."""
+    index = index_of()
+    for window, _ in windows(city_of(), 5, length_m=30.0):
+        query = ask(index, window)
+        seen, squares = query.fine, 0.0
+        for cell in range(len(query.cells)):
+            weight = seen.weight * seen.heard[:, cell]
+            mean_db = np.average(seen.rsrp_db[:, cell], weights=weight)
+            squares += float(weight @ (seen.rsrp_db[:, cell] - mean_db) ** 2)
+        expected = squares / float((seen.weight @ seen.heard).sum())
+        assert fit_of(index, window).varied_db2 == pytest.approx(expected)
+        louder = replace(window, rsrp_dbm=window.rsrp_dbm + np.arange(len(window.cells)))
+        assert fit_of(index, louder).varied_db2 == pytest.approx(expected)
+
+
+def test_a_fit_that_needs_changed_cells_pays_their_prior():
+    """As probable as the same fit without them once the prior odds of changed cells are paid."""
+    odds = []
+    for apart in (0.0, 0.5, 1.0):
+        off = off_map_probability(Calibration(), Fit(0.6, 0.0, apart), 5.0)
+        odds.append(np.log(off / (1.0 - off)))
+    paid = np.log((1.0 - APART_SHARE) / APART_SHARE)
+    np.testing.assert_allclose(odds - odds[0], [0.0, 0.5 * paid, paid], atol=1e-9)
+
+
+def test_maps_of_before_answer_as_before():
+    """Four or five coefficients, as stored by older versions: what came later has no say."""
+    for known in ((1.2, 2.3, 0.4, 1.6), (1.2, 2.3, 0.4, 1.6, -0.3)):
+        older = Calibration(off_map=known)
+        for fit in (Fit(0.5, 0.0), Fit(0.5, 9.0, 0.0, 20.0)):
+            terms = off_map_terms(fit, 4.0)[: len(known)]
+            off = off_map_probability(older, fit, 4.0)
+            assert off == pytest.approx(1.0 / (1.0 + np.exp(np.dot(known, terms))))
+
+
+@pytest.mark.parametrize("offset_db", [-6.0, 6.0])
+def test_an_unusual_device_is_no_stranger(offset_db):
+    """A common offset leaves the fit per reading as it was, and is told beside it."""
+    index = index_of(cells=6)
+    for window, _ in windows(city_of(cells=6), 20, length_m=30.0):
+        shifted = Window(window.cells, window.distance_m, window.rsrp_dbm + offset_db)
+        there, here = fit_of(index, shifted), fit_of(index, window)
+        assert there.per_reading == pytest.approx(here.per_reading, abs=0.02)
+        assert there.offset_db == pytest.approx(here.offset_db + offset_db, abs=0.5)
+
+
+def fit_of(index, window):
+    query = ask(index, window)
+    places = fine_places(index, query, shortlist(index, query))
+    return fit_of_place(index, query, places, int(places.score.argmax()))
