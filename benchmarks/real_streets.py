@@ -20,6 +20,7 @@ from jaxtyping import Float
 from app.domain import RadioMap, Road
 from app.evaluation.passes import Drive, cut_windows, load_test_drives
 from app.evaluation.truth import Labelled
+from app.numerics import native
 from app.numerics.answer import fit_of_place
 from app.numerics.calibration import calibrate
 from app.numerics.geodesy import distance_m
@@ -116,7 +117,7 @@ class Maps:
 
     def _strange(self, one: Labelled) -> float:
         """Probability of being off the map, its own street not being on it."""
-        query = ask(self.index, one.window)
+        query = ask(self.index, one.window, in_c=native.BUILT)
         left_out = self.number[one.truth.road_id]
         others = fine_places(self.index, query, shortlist(self.index, query, without=left_out))
         fit = fit_of_place(self.index, query, others, int(others.score.argmax()))

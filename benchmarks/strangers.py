@@ -104,7 +104,7 @@ def described(rows: Sequence[Row]) -> str:
     mixed = error_of(posterior.repeat(often), right.repeat(often) > 0.0)
     return (
         f"{on.sum()} windows  AUROC {auroc(off_map[~on], off_map[on]):.3f}  "
-        f"refused {np.mean(off_map[on] > 0.5):.1%}  "
+        f"refused {np.mean(off_map[on] > 0.5):.1%}, strangers {np.mean(off_map[~on] > 0.5):.1%}  "
         f"ECE of the road {alone:.1%}, {OFF_MAP_PRIOR:.0%} of windows off the map {mixed:.1%}"
     )
 
