@@ -75,12 +75,11 @@ def best_fit(sums: tuple[float, float, float, float], prior: OffsetPrior, seen: 
         sums: Score, residual and weight of the best place, and how probably groups are apart there.
     """
     score, residual, weight, apart = sums
-    of_cell = seen.weight[:, None] * seen.heard
-    count = of_cell.sum(axis=0)
+    count, level_db = seen.weight @ seen.heard, seen.heard * seen.rsrp_db
     readings = max(float(count.sum()), 1e-6)
-    level_db = of_cell * seen.rsrp_db
-    mean_db2 = float((level_db.sum(axis=0) ** 2 / np.maximum(count, 1e-6)).sum())
-    varied_db2 = max(float((level_db * seen.rsrp_db).sum()) - mean_db2, 0.0) / readings
+    sum_db = seen.weight @ level_db
+    square_db2 = float(np.vdot(seen.weight[:, None] * level_db, seen.rsrp_db))
+    varied_db2 = max(square_db2 - float(sum_db @ (sum_db / (count + 1e-9))), 0.0) / readings
     gain = offset_gain_at(residual, weight, prior)
     free = 0.5 * residual**2 / max(weight, 1e-6)
     return Fit(
