@@ -21,6 +21,7 @@ from app.numerics.passes import RoadPass
 
 WINDOW_LENGTHS_M = (0.0, 30.0, 60.0, 120.0, 200.0, 400.0)  # from one sample to the longest
 WINDOWS_PER_ROAD = 72  # enough for a road to have its say, few enough to cost little room
+WINDOW_EACH_M = 25.0  # of roads so long that this is more: one may be all of a map
 MOST_FOLDS = 8
 NODES_M = 3.0  # between the places where curves without a day are kept
 COVERED_TO_M = 25.0  # farther from any other pass the curves say nothing that could be held out
@@ -86,6 +87,7 @@ def held_out_evidence(
             `app.numerics.independence`.
     """
     grid = len(surface.mean_dbm)
+    most = max(WINDOWS_PER_ROAD, int((grid - 1) * step_m / WINDOW_EACH_M))
     apart = max(int(NODES_M / step_m), 1)
     nodes = nodes_of(grid, 1 + -(-(grid - 1) // apart))
     folds = _folds(passes)
@@ -95,13 +97,13 @@ def held_out_evidence(
         for fold, held in enumerate(folds):
             others = [one for one in passes if one not in held]
             unseen.append(_at(nodes, refit(others)))
-            for one, first, last in _cut(held, max(WINDOWS_PER_ROAD // len(folds), 6)):
+            for one, first, last in _cut(held, max(most // len(folds), 6)):
                 if _covered(one.chainage_m[[first, last]], others):
                     found += _held_out(one, first, last, fold)
     elif may_draw:
         drawn = [_redrawn(one, surface, step_m, seed) for seed, one in enumerate(passes)]
         rng = np.random.default_rng(len(passes))  # a seed that none of the passes was drawn with
-        for one, first, last in _cut(drawn, WINDOWS_PER_ROAD):
+        for one, first, last in _cut(drawn, most):
             missed_m = one.doubt_m * float(rng.standard_normal())
             found += _held_out(one, first, last, DRAWN, missed_m)
     empty = np.zeros((0, 3, len(nodes), len(cells)), dtype=np.float16)

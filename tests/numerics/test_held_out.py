@@ -14,6 +14,7 @@ from app.numerics import fitting
 from app.numerics.calibration import UNTRIED, calibrate
 from app.numerics.curves import fit_curves
 from app.numerics.evidence_table import DRAWN, DRAWN_BLINDLY, pack, unpack
+from app.numerics.heldout import Surface, held_out_evidence
 from app.numerics.independence import FEWEST_PAIRS, errs_apart, shared_part
 from app.numerics.passes import RoadPass
 from app.numerics.roadfit import fit_road
@@ -150,3 +151,16 @@ def test_windows_drawn_by_older_code_tell_nothing():
     """It drew them whatever the readings were like."""
     windows = unpack(models_of()[0].evidence)
     assert unpack(pack([replace(one, fold=DRAWN_BLINDLY) for one in windows])) == []
+
+
+@pytest.mark.parametrize("groups", [("monday", "tuesday"), ("monday",)])
+@pytest.mark.parametrize(("length_m", "wanted"), [(900, 72), (4_000, 160)])
+def test_a_long_road_holds_out_a_window_each_25_m(length_m, wanted, groups):
+    """Of two days or of one pass: a route of kilometres may be all of a map."""
+    chainage_m = np.arange(0.0, length_m + 1.0, 10.0)
+    level_dbm = np.full((len(chainage_m), 1), -90.0)
+    heard = np.ones_like(level_dbm)
+    passes = [RoadPass(chainage_m, level_dbm, heard, group) for group in groups]
+    surface = Surface(*(np.full((length_m + 1, 1), value) for value in (-90.0, 2.0, 0.9)))
+    found = held_out_evidence(passes, ("a",), surface, lambda _: surface, 1.0, may_draw=True)
+    assert len(unpack(found.windows)) == pytest.approx(wanted, rel=0.05)
