@@ -4,8 +4,8 @@ How well a window off the map is told: `python -m benchmarks.strangers [SCENARIO
 The same windows are asked of a map, and of the map without their road. That is done with the map
 fitted to the survey and, to see what a survey could tell at best, with the scenario's own curves as
 they were on the survey's day and as they are when the vehicles drive. Then how right the posterior
-of the road is: over windows on the map alone, and where as many are off it as the
-prior has it. Windows of 10 s, or of 30 m where samples do not come by the clock.
+of the road is: over windows on the map alone, and where as many are off it as the prior has it.
+Windows of 10 s, or of 30 m where samples do not come by the clock.
 """
 
 from __future__ import annotations
