@@ -30,6 +30,7 @@ from app.numerics.trials import Trial, ask_all, size_of, with_offset
 from app.numerics.unseen import Asked, ask_at_home, held_out_windows
 
 MIN_WINDOWS = 20  # fewer held-out windows say nothing reliable
+ASTRAY = 0.05  # chance that nothing could place a held-out window: such must not decide alone
 NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
 SMALLEST_OFFSET_SD_DB = 0.5
 HELD = 0.68  # of the truths lie within the radius that clients are told unless they ask otherwise
@@ -150,14 +151,13 @@ def _most_probable(
     """
     Information, once and each, and position error under which the truths were most probable.
 
-    A window may be anywhere on its road, either way, with the chance of being off the map: the few
-    that nothing could place must not decide alone.
+    A window may be anywhere on its road, either way, with the chance `ASTRAY`.
 
     Args:
         sizes: What each one's samples weigh together, and how many they are.
         lengths_m: Of all roads.
     """
-    anywhere = OFF_MAP_PRIOR / (2.0 * lengths_m)
+    anywhere = ASTRAY / (2.0 * lengths_m)
     tables = np.stack([_log_densities(one, float(anywhere[one.road]), prior) for one in windows])
     weight, samples = sizes.T
     best, best_log = (0.0, 1.0, 0.0), -np.inf
@@ -203,7 +203,7 @@ def _log_densities(
     near = np.stack([_nearness(miss_m, width_m, sd_m) for sd_m in errors_m], axis=1)
     tempered = [masses(with_offset(own, prior.at(t)), t)[driven] for t in TEMPERATURES.tolist()]
     mass = np.stack(tempered)
-    return np.asarray(np.log((1.0 - OFF_MAP_PRIOR) * (mass @ near) + anywhere))
+    return np.asarray(np.log((1.0 - ASTRAY) * (mass @ near) + anywhere))
 
 
 def _nearness(miss_m: Floats, width_m: Floats, sd_m: float) -> Floats:
