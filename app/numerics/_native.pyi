@@ -26,6 +26,18 @@ def evidence(
     block: Floats,
     /,
 ) -> int: ...
+def elsewhere(
+    block: Floats,
+    samples: int,
+    cells: int,
+    mean_db2: float,
+    field_db2: float,
+    field_m: float,
+    noise_db2: float,
+    reading_log: float,
+    temperature: float,
+    /,
+) -> float: ...
 def tape(
     block: Floats,
     samples: int,

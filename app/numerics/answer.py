@@ -84,7 +84,8 @@ def fit_of_place(
         return None
     score, residual, weight, apart = places.values[SCORE:, place].tolist()
     sums = (score - raised_by, residual, weight, apart)
-    return best_fit(sums, query.prior(index), query.fine)
+    elsewhere = query.elsewhere(index.calibration)
+    return best_fit(sums, query.prior(index), query.fine, elsewhere)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

@@ -22,7 +22,14 @@ from app.domain import Calibration, RadioMap, Reliability, RoadModel
 from app.numerics.evidence_table import HeldOut
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
-from app.numerics.offmap import OFF_MAP_PRIOR, STRANGE, Fit, known_beforehand, off_map_terms
+from app.numerics.offmap import (
+    GROWING,
+    OFF_MAP_PRIOR,
+    STRANGE,
+    Fit,
+    known_beforehand,
+    off_map_terms,
+)
 from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetPrior
 from app.numerics.posterior import RESIDUAL, WEIGHT, masses
 from app.numerics.reliability import reliability
@@ -226,10 +233,10 @@ def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]
     for one in trials:
         much, measured = one.information(learnt), one.truth.measured
         if one.fit is not None:
-            devices = _of_any_device(one.fit, measured=measured)
+            devices = _of_any_device(one.fit, one.prior, measured=measured)
             on += [(fit, much, weight) for fit, weight in devices]
         if one.stranger_fit is not None:
-            fit = one.stranger_fit if measured else one.stranger_fit._replace(offset_db=0.0)
+            fit = one.stranger_fit if measured else one.stranger_fit.heard_by(0.0, one.prior)
             off.append((fit, much, 1.0))
     if not on or not off:
         return Calibration().off_map
@@ -241,23 +248,25 @@ def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]
     centre, scale = terms.mean(axis=0), terms.std(axis=0) + 1e-9
     centre[0], scale[0] = 0.0, 1.0
     design = (terms - centre) / scale
+    design[:, GROWING] = 0.0
     theta = _newton(design, label, weight, known)
     strange = float(np.clip(theta[STRANGE], -scale[STRANGE], 0.0))
     if strange != theta[STRANGE]:
         known += strange * design[:, STRANGE]
-        others = np.delete(design, STRANGE, axis=1)
-        theta = np.insert(_newton(others, label, weight, known), STRANGE, strange)
+        design[:, STRANGE] = 0.0
+        theta = _newton(design, label, weight, known)
+        theta[STRANGE] = strange
     slopes = theta / scale
     slopes[0] -= float(slopes[1:] @ centre[1:]) + np.log(OFF_MAP_PRIOR / (1.0 - OFF_MAP_PRIOR))
     return tuple(slopes.tolist())
 
 
-def _of_any_device(fit: Fit, *, measured: bool) -> list[tuple[Fit, float]]:
+def _of_any_device(fit: Fit, prior: OffsetPrior, *, measured: bool) -> list[tuple[Fit, float]]:
     """A window's fit, had it been heard by devices of the prior; drawn ones tell no offset."""
     if not measured:
-        return [(fit._replace(offset_db=0.0), 1.0)]
+        return [(fit.heard_by(0.0, prior), 1.0)]
     share = BROAD_OFFSET_SHARE / len(QUARTERS)
-    others = [(fit._replace(offset_db=BROAD_OFFSET_SD_DB * z), share) for z in QUARTERS]
+    others = [(fit.heard_by(BROAD_OFFSET_SD_DB * z, prior), share) for z in QUARTERS]
     return [(fit, 1.0 - BROAD_OFFSET_SHARE), *others]
 
 

@@ -1,9 +1,9 @@
 """
 Whether a window comes from the map's roads at all.
 
-A logistic curve of how well it fits there, how loud the device would have to be for it and how much
-there was to fit, learnt from windows that are on the map and windows that the map cannot know, see
-`app.numerics.calibration`.
+A logistic curve of how well it fits there and how probable its levels are anywhere else, of how
+loud the device would have to be and of how much there was to fit, learnt from windows that are on
+the map and windows that the map cannot know, see `app.numerics.calibration`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from app.numerics.offsets import APART_SHARE, OffsetPrior, offset_gain_at
 
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
 TYPICAL_DB = 1.0  # devices of one kind differ by about so much
-NOISE_DB2 = 9.0  # levels that vary by less along a window show next to nothing of a place
-STRANGE = 4  # which of `off_map_terms` is the device's
+GROWING, STRANGE = 3, 4  # which of `off_map_terms` only older maps have learnt; and the device's
 OFF_MAP_PRIOR = 0.02  # share of windows from roads that the map lacks: decision 17
 
 
@@ -34,13 +33,32 @@ class Fit(NamedTuple):
         offset_db: That offset. Devices differ, but windows of unknown roads need any offset.
         apart: Probability that cells have offsets of their own, where that is not known beforehand:
             windows of unknown roads fit best with any; else 0.
-        varied_db2: By how much the cells' levels vary along the window, each about its own mean.
+        score: Log likelihood of all readings against the background, offsets by their prior; over
+            the window's temperature where samples say more than by their weight.
+        weight: Minus the curvature in the device's offset of what the temperature has not divided,
+            per dB^2.
+        elsewhere: As the score, of the levels on a road of which nothing is known, see
+            `app.numerics.elsewhere`.
     """
 
     per_reading: float
     offset_db: float
     apart: float = 0.0
-    varied_db2: float = 0.0
+    score: float = 0.0
+    weight: float = 0.0
+    elsewhere: float = 0.0
+
+    def heard_by(self, offset_db: float, prior: OffsetPrior) -> Fit:
+        """The fit of the same window, had a device of another offset heard it."""
+        dearer = _offset_cost(offset_db, self.weight, prior)
+        dearer -= _offset_cost(self.offset_db, self.weight, prior)
+        score = self.score - dearer / min(prior.temperature, 1.0)
+        return self._replace(offset_db=offset_db, score=score)
+
+
+def _offset_cost(offset_db: float, weight: float, prior: OffsetPrior) -> float:
+    """By how much a device of the prior fits worse than one of just the offset that suits best."""
+    return 0.5 * weight * offset_db**2 - offset_gain_at(weight * offset_db, weight, prior)
 
 
 def off_map_terms(fit: Fit, information: float) -> tuple[float, ...]:
@@ -48,13 +66,13 @@ def off_map_terms(fit: Fit, information: float) -> tuple[float, ...]:
     What the log odds of being on the map are linear in.
 
     An offset counts by the logarithm of a Cauchy density of scale `TYPICAL_DB`, large ones hardly
-    more than middling ones, and however long the window is: it has one device. Levels that hardly
-    vary fit well in many a place: that they fit says the more the more there was to fit.
+    more than middling ones, and however long the window is: it has one device. The last two are,
+    but for what samples share, the two sides of a Bayes factor: this road, or any other.
     """
     size = math.log(min(max(information, LEAST), MOST))
     strange = math.log1p((fit.offset_db / TYPICAL_DB) ** 2)
-    varied = math.log1p(fit.varied_db2 / NOISE_DB2)
-    return 1.0, fit.per_reading, size, fit.per_reading * size, strange, varied
+    bayes = (fit.score, fit.elsewhere)
+    return 1.0, fit.per_reading, size, fit.per_reading * size, strange, *bayes
 
 
 def known_beforehand(fit: Fit) -> float:
@@ -65,26 +83,27 @@ def known_beforehand(fit: Fit) -> float:
     return math.log(APART_SHARE / (1.0 - APART_SHARE)) * fit.apart
 
 
-def best_fit(sums: tuple[float, float, float, float], prior: OffsetPrior, seen: Evidence) -> Fit:
+def best_fit(
+    sums: tuple[float, float, float, float], prior: OffsetPrior, seen: Evidence, elsewhere: float
+) -> Fit:
     """
     How well a window fits the map at all.
 
     Args:
         sums: Score, residual and weight of the best place, and how probably groups are apart there.
+        elsewhere: Log evidence of its levels on any road.
     """
     score, residual, weight, apart = sums
-    count, level_db = seen.weight @ seen.heard, seen.heard * seen.rsrp_db
-    readings = max(float(count.sum()), 1e-6)
-    sum_db = seen.weight @ level_db
-    square_db2 = float(np.vdot(seen.weight[:, None] * level_db, seen.rsrp_db))
-    varied_db2 = max(square_db2 - float(sum_db @ (sum_db / (count + 1e-9))), 0.0) / readings
-    gain = offset_gain_at(residual, weight, prior)
-    free = 0.5 * residual**2 / max(weight, 1e-6)
+    weight = max(weight, 1e-6)
+    readings = max(float((seen.weight @ seen.heard).sum()), 1e-6)
+    offset_db = residual / weight
     return Fit(
-        per_reading=(score - gain + free) / readings,
-        offset_db=residual / max(weight, 1e-6),
+        per_reading=(score + _offset_cost(offset_db, weight, prior)) / readings,
+        offset_db=offset_db,
         apart=0.0 if prior.apart == 1.0 else apart,
-        varied_db2=varied_db2,
+        score=score / min(prior.temperature, 1.0),
+        weight=weight,
+        elsewhere=elsewhere,
     )
 
 

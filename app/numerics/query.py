@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, Window
 from app.numerics import carriers, native
+from app.numerics.elsewhere import log_evidence
 from app.numerics.index import MapIndex
 from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS, Evidence, coefficients, evidence
@@ -100,6 +101,13 @@ class Query:
     def information(self, calibration: Calibration) -> float:
         """How many independent samples the window is worth."""
         return calibration.information(self.weight, len(self.fine.weight))
+
+    def elsewhere(self, calibration: Calibration) -> float:
+        """How probable its levels are on a road of which nothing is known, as a log evidence."""
+        temperature = self.temperature(calibration)
+        if self.told is None:
+            return log_evidence(self.fine, temperature)
+        return native.log_evidence(self.told, temperature)
 
     @property
     def length_m(self) -> float:

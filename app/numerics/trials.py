@@ -34,6 +34,7 @@ class Trial:
         weight: What its samples weigh together; ``samples`` is how many they are.
         fit: How well it fits where it fits best, None where the map knows none of its cells.
         stranger_fit: The same in the map without its road.
+        prior: What the device's offset may be, for this window.
     """
 
     road: int
@@ -43,6 +44,7 @@ class Trial:
     samples: int
     fit: Fit | None
     stranger_fit: Fit | None
+    prior: OffsetPrior
 
     def information(self, calibration: Calibration) -> float:
         """How many independent samples the window is worth."""
@@ -91,6 +93,7 @@ def _ask(index: MapIndex, model: RoadModel, one: Asked) -> Trial:
         len(query.fine.weight),
         _best_fit(index, query, places),
         stranger_fit,
+        query.prior(index),
     )
 
 

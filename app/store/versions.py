@@ -108,13 +108,28 @@ def _version(row: Row[Any], active: int | None) -> MapVersion:
     )
 
 
+TERMS_OF_A_DAY = 6  # of the log odds of being on the map, as maps of one day's code have them
+USUALLY_VARIED = 0.7  # of windows of real streets: log(1 + variance along it / 9 dB^2)
+
+
+def _of_usual_levels(off_map: tuple[float, ...]) -> tuple[float, ...]:
+    """
+    Log odds without how much levels vary along the window, which once was their sixth term and
+    which nothing asks for any more: every window is taken to vary as most do.
+    """
+    if len(off_map) != TERMS_OF_A_DAY:
+        return off_map
+    constant, *others, varied = off_map
+    return constant + USUALLY_VARIED * varied, *others
+
+
 def _calibration(stored: Mapping[str, Any]) -> Calibration:
     values = dict(stored)
     if "temperature" in values:  # of a version made before windows had temperatures of their own
         values["information_each"] = 1.0 / values.pop("temperature")
         line = values.pop("off_map_intercept"), values.pop("off_map_slope")
         values["off_map"] = (*line, 0.0, 0.0)
-    values["off_map"] = tuple(values["off_map"])
+    values["off_map"] = _of_usual_levels(tuple(values["off_map"]))
     if "segment_sd_m" not in values:  # of a version made before sub-segments had one of their own
         values["segment_sd_m"] = values["position_sd_m"]
     reliability: dict[str, Any] = {

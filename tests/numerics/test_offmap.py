@@ -1,4 +1,4 @@
-"""Windows off the map: told by how badly they fit, by their device, by what there was to fit."""
+"""Windows off the map: told by how badly they fit, by their device, by what any road would do."""
 
 from __future__ import annotations
 
@@ -37,22 +37,25 @@ def test_log_odds_part_two_classes():
     rng = np.random.default_rng(8)
     trials = []
     for _ in range(600):
-        one = trial(rng, 10, 10.0)
         weight = float(np.exp(rng.uniform(0.0, 3.0)))
         noise = 1.0 / np.sqrt(weight)
-        on, off = 1.0 + noise * rng.normal(), noise * rng.normal()
-        trials.append(
-            replace(one, weight=weight, samples=99, fit=Fit(on, 0.0), stranger_fit=Fit(off, 0.0))
-        )
+        on, off = (half_way(mean + noise * rng.normal(), weight) for mean in (1.0, 0.0))
+        one = trial(rng, 10, 10.0)
+        trials.append(replace(one, weight=weight, samples=99, fit=on, stranger_fit=off))
     learnt = Calibration(off_map=_log_odds(trials, Calibration()))
     for weight, sure in ((1.0, 0.25), (18.0, 0.02)):
-        assert off_map_probability(learnt, Fit(1.0, 0.0), weight) < sure
+        assert off_map_probability(learnt, half_way(1.0, weight), weight) < sure
         # Log odds of the two Gaussians at their middle are even, but for the prior.
-        middle = off_map_probability(learnt, Fit(0.5, 0.0), weight)
+        middle = off_map_probability(learnt, half_way(0.5, weight), weight)
         assert middle == pytest.approx(OFF_MAP_PRIOR, abs=0.02)
-    off = off_map_probability(learnt, Fit(0.0, 0.0), 18.0)
+    off = off_map_probability(learnt, half_way(0.0, 18.0), 18.0)
     evidence = off / (1.0 - off) * (1.0 - OFF_MAP_PRIOR) / OFF_MAP_PRIOR
     assert evidence > 57.0  # with a prior of one in twenty: off the map at three to one
+
+
+def half_way(per_reading, weight):
+    """A fit of so many readings whose levels are half as probable on any road, by the logarithm."""
+    return Fit(per_reading, 0.0, score=weight * per_reading, elsewhere=0.5 * weight)
 
 
 def trials_with_offsets(seed: int, *, measured: bool):
@@ -86,36 +89,49 @@ def test_drawn_windows_tell_nothing_of_devices():
     assert odds[0] == pytest.approx(odds[1])
 
 
-def test_the_more_there_was_to_fit_the_more_a_fit_says():
-    """Where strangers fit flat windows as well as their own road does, and others badly."""
+def test_a_window_that_fits_any_road_is_likelier_off_the_map():
+    """Where strangers fit as their levels do anywhere, and on its own road a window fits better."""
     rng = np.random.default_rng(6)
     trials = []
     for _ in range(500):
-        varied_db2 = float(rng.exponential(20.0))
-        on = Fit(0.8 + 0.3 * rng.normal(), 0.0, 0.0, varied_db2)
-        off = Fit(0.8 - 0.04 * varied_db2 + 0.3 * rng.normal(), 0.0, 0.0, varied_db2)
+        elsewhere = float(rng.normal(10.0, 5.0))
+        on, off = (
+            Fit(0.8, 0.0, score=elsewhere + better + rng.normal(), elsewhere=elsewhere)
+            for better in (3.0, 0.0)
+        )
         one = trial(rng, 10, 10.0)
         trials.append(replace(one, weight=5.0, samples=99, fit=on, stranger_fit=off))
     learnt = Calibration(off_map=_log_odds(trials, Calibration()))
-    fits = [Fit(0.6, 0.0, 0.0, varied_db2) for varied_db2 in (0.0, 10.0, 40.0)]
-    off = [off_map_probability(learnt, fit, 5.0) for fit in fits]
-    assert off[0] > 3.0 * off[1] > 9.0 * off[2]
+    fits = [Fit(0.8, 0.0, score=10.0, elsewhere=each) for each in (7.0, 8.5, 10.0)]
+    low, middle, high = (off_map_probability(learnt, fit, 5.0) for fit in fits)
+    assert low < 0.2 * middle < 0.04 * high
 
 
-def test_levels_vary_about_each_cell_s_own_mean():
-    """By the book, weighted as samples are; louder cells and other places move nothing."""
-    index = index_of()
-    for window, _ in windows(city_of(), 5, length_m=30.0):
+def test_another_device_is_paid_for_by_its_prior():
+    """By the book: what the score of the same window would be, its levels shifted."""
+    index = index_of(cells=6)
+    for window, _ in windows(city_of(cells=6), 10, length_m=30.0):
         query = ask(index, window)
-        seen, squares = query.fine, 0.0
-        for cell in range(len(query.cells)):
-            weight = seen.weight * seen.heard[:, cell]
-            mean_db = np.average(seen.rsrp_db[:, cell], weights=weight)
-            squares += float(weight @ (seen.rsrp_db[:, cell] - mean_db) ** 2)
-        expected = squares / float((seen.weight @ seen.heard).sum())
-        assert fit_of(index, window).varied_db2 == pytest.approx(expected)
-        louder = replace(window, rsrp_dbm=window.rsrp_dbm + np.arange(len(window.cells)))
-        assert fit_of(index, louder).varied_db2 == pytest.approx(expected)
+        prior = query.prior(index)
+        louder = Window(window.cells, window.distance_m, window.rsrp_dbm + 9.0)
+        places = fine_places(index, query, shortlist(index, query))
+        best = int(places.score.argmax())
+        fit = fit_of_place(index, query, places, best)
+        there = fit.heard_by(fit.offset_db + 9.0, prior)
+        assert there.heard_by(fit.offset_db, prior).score == pytest.approx(fit.score)
+        assert there.per_reading == fit.per_reading
+        same = fit_at(index, louder, places, best)
+        if fit.apart < 0.05 and same.apart < 0.05:  # else cells may have changed, each for itself
+            assert there.score == pytest.approx(same.score, abs=0.2)
+
+
+def fit_at(index, window, places, best):
+    """Of another window, at a place of the grid."""
+    query = ask(index, window)
+    others = fine_places(index, query, shortlist(index, query))
+    here = (others.road == places.road[best]) & (others.sign == places.sign[best])
+    away_m = np.abs(others.chainage_m - places.chainage_m[best])
+    return fit_of_place(index, query, others, int(np.where(here, away_m, np.inf).argmin()))
 
 
 def test_a_fit_that_needs_changed_cells_pays_their_prior():
@@ -132,7 +148,7 @@ def test_maps_of_before_answer_as_before():
     """Four or five coefficients, as stored by older versions: what came later has no say."""
     for known in ((1.2, 2.3, 0.4, 1.6), (1.2, 2.3, 0.4, 1.6, -0.3)):
         older = Calibration(off_map=known)
-        for fit in (Fit(0.5, 0.0), Fit(0.5, 9.0, 0.0, 20.0)):
+        for fit in (Fit(0.5, 0.0), Fit(0.5, 9.0, score=20.0, elsewhere=-3.0)):
             terms = off_map_terms(fit, 4.0)[: len(known)]
             off = off_map_probability(older, fit, 4.0)
             assert off == pytest.approx(1.0 / (1.0 + np.exp(np.dot(known, terms))))

@@ -23,4 +23,5 @@ def trial(rng, samples, information, position_sd_m=0.0):
     zero = np.zeros(400)
     places = Places(where, np.stack([at_m, zero + 1.0, score, zero, zero + 1.0]))
     truth = HeldOut(np.zeros(1), np.zeros((1, 1)), np.zeros(1, int), true_m, 1, 0)
-    return Trial(0, truth, places, float(samples), samples, Fit(1.0, 0.0), Fit(0.0, 0.0))
+    fits = Fit(1.0, 0.0), Fit(0.0, 0.0)
+    return Trial(0, truth, places, float(samples), samples, *fits, PRIOR)

@@ -135,12 +135,21 @@ typedef struct {
     double temperature, step_m, highest, aligned_m;
 } Scale;
 
+/* The law of levels along any road: app.numerics.elsewhere. */
+typedef struct {
+    double mean_db2, field_db2, field_m, noise_db2, reading_log, temperature;
+} Field;
+
 /* evidence.c */
 ptrdiff_t count_stretches(const double *distance_m, ptrdiff_t samples, double step_m);
 void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
                      ptrdiff_t width, const ptrdiff_t *columns, const ptrdiff_t *carrier,
                      ptrdiff_t cells, double step_m, double centre_dbm, double correlation_m,
                      ptrdiff_t stretches, double *block);
+
+/* elsewhere.c */
+int weigh_elsewhere(const double *block, ptrdiff_t samples, ptrdiff_t cells, const Field *field,
+                    double *log_evidence);
 
 /* tape.c */
 int score_tape(const Told *told, const Tape *tape, const int64_t *positions, ptrdiff_t count,

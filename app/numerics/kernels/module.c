@@ -54,6 +54,30 @@ static PyObject *evidence(PyObject *self, PyObject *const *arguments, Py_ssize_t
     return release(&call, call.failed ? NULL : PyLong_FromSsize_t(stretches));
 }
 
+static PyObject *elsewhere(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 9))
+        return NULL;
+    Py_ssize_t room[1] = {-1};
+    const double *block = array(&call, 'd', READ, 1, room);
+    ptrdiff_t samples = whole(&call), cells = whole(&call);
+    Field field;
+    field.mean_db2 = number(&call);
+    field.field_db2 = number(&call);
+    field.field_m = number(&call);
+    field.noise_db2 = number(&call);
+    field.reading_log = number(&call);
+    field.temperature = number(&call);
+    demand(&call, samples >= 1 && cells >= 0 && cells < room[0] && 2 + 2 * cells <= room[0] / samples,
+           "the block holds fewer numbers");
+    double log_evidence = 0.0;
+    if (!call.failed)
+        check(&call, weigh_elsewhere(block, samples, cells, &field, &log_evidence));
+    return release(&call, call.failed ? NULL : PyFloat_FromDouble(log_evidence));
+}
+
 static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
 {
     Call call;
@@ -370,14 +394,14 @@ static PyMethodDef methods[] = {
     KERNEL(heaviest),      KERNEL(rest),     KERNEL(stretch), KERNEL(rows),    KERNEL(redrawn),
     KERNEL(summary),       KERNEL(joined),   KERNEL(gains),
     {"stretches_about", (PyCFunction)(void (*)(void))stretches_about_places, METH_FASTCALL, NULL},
-    KERNEL(under_factors),
+    KERNEL(under_factors), KERNEL(elsewhere),
     {NULL, NULL, 0, NULL},
 };
 
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 13);
+    return PyModule_AddIntConstant(module, "VERSION", 14);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};
