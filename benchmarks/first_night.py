@@ -169,10 +169,10 @@ def print_constants(roads: Sequence[Road], every: Sequence[Driven]) -> None:
         print(
             f"pick {seed}: {described(learnt)}, offsets {learnt.offset_sd_db:.1f} dB, positions "
             f"{learnt.position_sd_m} m, boundaries {learnt.segment_sd_m} m, off the map "
-            f"{np.round(found[-1], 2).tolist()}",
+            f"{np.round(found[-1], 4).tolist()}",
             flush=True,
         )
-    print(f"off the map, mean: {np.round(np.mean(found, axis=0), 2).tolist()}")
+    print(f"off the map, mean: {np.round(np.mean(found, axis=0), 4).tolist()}")
 
 
 def two_of(every: Sequence[Driven], road: Road, seed: int) -> list[Trace]:

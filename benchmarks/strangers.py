@@ -3,7 +3,8 @@ How well a window off the map is told: `python -m benchmarks.strangers [SCENARIO
 
 The same windows are asked of a map, and of the map without their road. That is done with the map
 fitted to the survey and, to see what a survey could tell at best, with the scenario's own curves as
-they were on the survey's day and as they are when the vehicles drive. Then how right the posterior
+they were on the survey's day and as they are when the vehicles drive. Beside them the AUROC of the
+best possible rule, which is told the law that the city was drawn from. Then how right the posterior
 of the road is: over windows on the map alone, and where as many are off it as the prior has it.
 Windows of 10 s, or of 30 m where samples do not come by the clock.
 """
@@ -20,6 +21,7 @@ from jaxtyping import Bool, Float
 from app.domain import Calibration, RadioMap, RoadModel
 from app.evaluation.scenario import build_city, preset, survey
 from app.evaluation.scenario.city import City
+from app.evaluation.survey_bound import on_map_log
 from app.evaluation.truth import Labelled
 from app.numerics.calibration import INFORMATION_EACH, calibrate
 from app.numerics.index import MapIndex
@@ -36,6 +38,7 @@ KNOWN = max(INFORMATION_EACH)  # where curves are true every sample counts
 # Whether the window is on the map, the posterior of the road, whether that is the true one and the
 # window on the map, and the posterior of being off the map.
 Row = tuple[bool, float, bool, float]
+Odds = Float[np.ndarray, " windows"]
 
 
 def main() -> None:
@@ -48,14 +51,26 @@ def main() -> None:
     chosen = parser.parse_args()
     scenario = replace(preset(chosen.scenario), cells=chosen.cells)
     rows: dict[str, list[Row]] = {}
+    best: list[tuple[Odds, Odds]] = []
     for seed in range(FIRST_SEED, FIRST_SEED + chosen.seeds):
         city = build_city(scenario, seed)
         asked = asked_of(city, chosen.windows)
+        best.append(best_rule(city, asked))
         for name, models, calibration in maps_of(city):
             rows.setdefault(name, []).extend(answers(models, calibration, asked))
     print(f"{scenario.name}, {scenario.cells} cells, seeds from {FIRST_SEED} on")
     for name, row in rows.items():
         print(f"  {name:24s} {described(row)}")
+    here, without = (np.concatenate(each) for each in zip(*best, strict=True))
+    print(
+        f"  {'best with this survey':24s} {len(here)} windows  AUROC {auroc(-without, -here):.3f}"
+    )
+
+
+def best_rule(city: City, asked: Sequence[Labelled]) -> tuple[Odds, Odds]:
+    """Log odds of whoever knows the law, in the whole map and without each window's road."""
+    road_ids = [one.truth.road_id for one in asked]
+    return on_map_log(city, [one.window for one in asked], road_ids)
 
 
 def maps_of(city: City) -> Iterator[tuple[str, list[RoadModel], Calibration]]:

@@ -37,6 +37,7 @@ from app.numerics.trials import Trial, ask_all, size_of, with_offset
 from app.numerics.unseen import Asked, ask_at_home, held_out_windows
 
 MIN_WINDOWS = 20  # fewer held-out windows say nothing reliable
+ENOUGH_TO_PART = 200  # windows: three roads'; a road or two tell little of what strangers are like
 ASTRAY = 0.05  # chance that nothing could place a held-out window: such must not decide alone
 NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
 SMALLEST_OFFSET_SD_DB = 0.5
@@ -51,13 +52,14 @@ UNTRIED = Calibration(  # of real streets driven once, asked on another day: dec
     offset_sd_db=2.0,
     position_sd_m=8.0,
     segment_sd_m=4.5,
-    off_map=(3.28, 2.03, 0.21, 1.62, -0.07),
+    off_map=(3.34, 1.35, 0.76, 0.0, -0.03, 0.0099, -0.0021),
 )
 
 TEMPERATURES = np.geomspace(0.05, 40.0, 24)
 POSITION_SDS_M = (0.0, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 8.0, 11.0)
 INFORMATION_ONCE = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
 INFORMATION_EACH = tuple(float(each) for each in np.geomspace(0.01, 20.0, 31))
+INDEPENDENT = 1.0  # samples that say so much of their weight err each for itself: no real street's
 # Of windows drawn reading by reading from the map's own curves: every sample counts, in its place
 EVERY_SAMPLE = (0.0, INFORMATION_EACH[-1])
 
@@ -101,7 +103,10 @@ def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> 
         segment_sd_m=error_m,
     )
     trials = ask_all(index.recalibrated(learnt), models, asked)
-    learnt = replace(learnt, off_map=_log_odds(trials, learnt))
+    if len(trials) >= ENOUGH_TO_PART or each >= INDEPENDENT:
+        learnt = replace(learnt, off_map=_log_odds(trials, learnt))
+    else:
+        learnt = replace(learnt, off_map=UNTRIED.off_map)
     return _wide_enough(index, trials, learnt)
 
 

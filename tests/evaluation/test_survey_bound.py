@@ -9,11 +9,16 @@ import pytest
 
 from app.evaluation.bound import MEAN_ABSOLUTE, least_sd_m
 from app.evaluation.scenario import build_city, preset, windows
-from app.evaluation.survey_bound import best_answers
-from app.evaluation.survey_bound.best import curves_on, reading_variance_db2
+from app.evaluation.survey_bound import best_answers, on_map_log
 from app.evaluation.survey_bound.curves import Curve, field_covariance_db2
 from app.evaluation.survey_bound.places import Terms, law_at
+from app.evaluation.survey_bound.roads import (
+    reading_variance_db2,
+    surveyed_curves,
+    unsurveyed_curves,
+)
 from app.numerics.geodesy import distance_m
+from app.numerics.reliability import auroc
 
 SEED = 4
 ALL_HEARD_DBM = -200.0
@@ -104,12 +109,42 @@ def test_densities_are_those_of_one_large_gaussian(offset_db2, missing):
         np.testing.assert_allclose(ours - ours[0], theirs - theirs[0], atol=1e-8)
 
 
+def test_the_best_rule_tells_strangers():
+    """Of four cells nearly all of them; without its own road no window is likelier to be on it."""
+    city = build_city(HARSH, SEED)
+    found = asked(city, 60)
+    here, without = on_map_log(
+        city, [one.window for one in found], [one.truth.road_id for one in found]
+    )
+    assert auroc(-without, -here) > 0.98
+    assert np.median(here) > 5.0 > -5.0 > np.median(without)
+    longest = max(truth.length_m for truth in city.roads)
+    whole = sum(truth.length_m for truth in city.roads)
+    assert np.all(without <= here + np.log(whole / (whole - longest)) + 1e-9)
+
+
+def test_a_road_that_nobody_drove_is_any_road():
+    """What the survey says of a place comes from its readings alone, drift or no drift."""
+    city = build_city(replace(HARSH, cells=2), SEED)
+    for truth in city.roads:
+        surveyed, bare = surveyed_curves(city, truth), unsurveyed_curves(city, truth)
+        for cell, (known, any_) in enumerate(zip(surveyed, bare, strict=True)):
+            doubt, before = np.diag(known.covariance_db2), np.diag(any_.covariance_db2)
+            assert np.all(doubt <= before + 1e-6)
+            assert doubt.mean() < 0.5 * before.mean()
+            drift_db2 = np.full(len(before), city.scenario.drift_db**2)
+            np.testing.assert_allclose(
+                before - drift_db2, truth.shadowing_db[:, cell] ** 2, rtol=1e-6
+            )
+        np.testing.assert_array_equal(bare[1].mean_dbm, truth.median_dbm[:, 1])
+
+
 def test_drift_widens_what_the_survey_left_open():
     """The covariance when driving is that on the survey's day and the drift's."""
     still, drifting = (
         build_city(replace(HARSH, cells=1, drift_db=drift_db), SEED) for drift_db in (0.0, 2.0)
     )
-    before, after = (curves_on(city, city.roads[0])[0] for city in (still, drifting))
+    before, after = (surveyed_curves(city, city.roads[0])[0] for city in (still, drifting))
     at_m = np.array([[100.0, 150.0]])
     added = (after.covariance_at_db2(at_m) - before.covariance_at_db2(at_m))[0]
     wanted = 4.0 * np.array([[1.0, np.exp(-0.5)], [np.exp(-0.5), 1.0]])

@@ -9,10 +9,12 @@ from the same readings has a lower mean error over cities and windows, unless it
 thing it lets be: that a cell was *not* heard is taken to say nothing. Asked of a city whose
 receivers hear everything it knows more than a method can; the true bound lies between the two.
 
-`curves` says what the survey leaves open of every cell's level, `places` how probable a window's
-readings are at each place, `best` what to answer.
+`curves` says what readings leave open of a cell's level, `roads` what the survey leaves open of
+every road, `places` how probable a window's readings are at each place, `best` what to answer, and
+`strangers` how likely a window is to come from none of these roads.
 """
 
 from app.evaluation.survey_bound.best import Best, best_answers
+from app.evaluation.survey_bound.strangers import on_map_log
 
-__all__ = ["Best", "best_answers"]
+__all__ = ["Best", "best_answers", "on_map_log"]

@@ -18,10 +18,9 @@ from jaxtyping import Float, Int
 
 from app.domain import Direction, Window
 from app.evaluation.scenario.city import City, RoadTruth
-from app.evaluation.scenario.drives import survey, survey_chainage_m
 from app.evaluation.scenario.params import Scenario
-from app.evaluation.survey_bound.curves import Curve, field_covariance_db2
 from app.evaluation.survey_bound.places import Law, Terms, law_at
+from app.evaluation.survey_bound.roads import CurvesOn, reading_variance_db2, surveyed_curves
 from app.numerics.geodesy import LocalFrame
 from app.numerics.lines import point_at
 
@@ -72,6 +71,20 @@ class Ends:
     log_density: Float[np.ndarray, "ends windows"]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """
+    What windows say.
+
+    Attributes:
+        rsrp_dbm: Their readings; NaN where a cell was not heard.
+        odometer: The length that each one's odometer says, over the nominal one.
+    """
+
+    rsrp_dbm: Float[np.ndarray, "samples windows cells"]
+    odometer: Float[np.ndarray, " windows"]
+
+
 def best_answers(
     city: City, windows: Sequence[Window], *, step_m: float = 0.25, confidence: float = 0.68
 ) -> list[Best]:
@@ -90,19 +103,11 @@ def best_answers(
     """
     if not windows:
         return []
-    cells = city.roads[0].cells
-    if any(truth.cells != cells for truth in city.roads):
-        raise ValueError("the roads hear different cells")
-    sizes = sorted({len(window.distance_m) for window in windows})
-    if len(sizes) > 1:
-        raise ValueError(f"windows of {sizes[0]} to {sizes[-1]} samples")
-    readings_dbm = np.stack([_columns(window, cells) for window in windows], axis=1)
-    said = np.array([np.ptp(w.distance_m) for w in windows])
-    said /= (sizes[0] - 1) * city.scenario.spacing_m
+    told = told_by(city, windows)
     parts = [
         part
         for number, truth in enumerate(city.roads)
-        for part in _ends_on(city, truth, number, readings_dbm, said, step_m)
+        for part in ends_on(city, truth, number, told, step_m)
     ]
     ends = Ends(
         np.concatenate([part.group for part in parts]),
@@ -115,35 +120,22 @@ def best_answers(
     ]
 
 
-def curves_on(city: City, truth: RoadTruth) -> list[Curve]:
+def told_by(city: City, windows: Sequence[Window]) -> Told:
     """
-    Every cell's level along a road when the vehicles drive.
+    The windows in the order of the city's cells, and what their odometers say.
 
-    Given the survey's readings at their true places.
+    Raises:
+        ValueError: See `best_answers`.
     """
-    scenario = city.scenario
-    passes = [one for one in survey(city) if one.road_id == truth.road_id]
-    chainage_m = np.concatenate(
-        [survey_chainage_m(city, truth, number) for number in range(len(passes))]
-    )
-    rsrp_dbm = np.concatenate([one.rsrp_dbm for one in passes]).astype(float)
-    nodes = len(truth.median_dbm)
-    step_m = truth.length_m / (nodes - 1)
-    drift_db = np.full(nodes, scenario.drift_db)
-    change_db2 = field_covariance_db2(drift_db, step_m, scenario.drift_correlation_m)
-    curves = []
-    for cell in range(len(truth.cells)):
-        spread_db, median_dbm = truth.shadowing_db[:, cell], truth.median_dbm[:, cell]
-        prior_db2 = field_covariance_db2(spread_db, step_m, scenario.shadowing_correlation_m)
-        curve = Curve(step_m, median_dbm, prior_db2)
-        known = curve.given(chainage_m, rsrp_dbm[:, cell], reading_variance_db2(scenario))
-        curves.append(known.drifted(change_db2))
-    return curves
-
-
-def reading_variance_db2(scenario: Scenario) -> float:
-    """Of a reading about the level: its noise, and its rounding as if that were noise."""
-    return scenario.noise_db**2 + scenario.quantisation_db**2 / 12.0
+    cells = city.roads[0].cells
+    if any(truth.cells != cells for truth in city.roads):
+        raise ValueError("the roads hear different cells")
+    sizes = sorted({len(window.distance_m) for window in windows})
+    if len(sizes) > 1:
+        raise ValueError(f"windows of {sizes[0]} to {sizes[-1]} samples")
+    said = np.array([np.ptp(window.distance_m) for window in windows])
+    said /= (sizes[0] - 1) * city.scenario.spacing_m
+    return Told(np.stack([_columns(window, cells) for window in windows], axis=1), said)
 
 
 def _columns(window: Window, cells: tuple[str, ...]) -> Float[np.ndarray, "samples cells"]:
@@ -155,19 +147,26 @@ def _columns(window: Window, cells: tuple[str, ...]) -> Float[np.ndarray, "sampl
     return out
 
 
-def _ends_on(
+def ends_on(
     city: City,
     truth: RoadTruth,
     number: int,
-    readings_dbm: Float[np.ndarray, "samples windows cells"],
-    said: Float[np.ndarray, " windows"],
+    told: Told,
     step_m: float,
+    curves_on: CurvesOn = surveyed_curves,
 ) -> Iterator[Ends]:
-    """The ends on one road, factor by factor, both ways."""
+    """
+    The ends on one road, factor by factor, both ways.
+
+    Args:
+        number: Of the road.
+        step_m: Spacing of the places.
+        curves_on: What is known of the road's levels.
+    """
     scenario = city.scenario
     curves = curves_on(city, truth)
-    travelled_m = np.arange(len(readings_dbm)) * scenario.spacing_m
-    for factor, log_weight in _factors(scenario, said):
+    travelled_m = np.arange(len(told.rsrp_dbm)) * scenario.spacing_m
+    for factor, log_weight in _factors(scenario, told.odometer):
         room_m = truth.length_m - factor * travelled_m[-1]
         if room_m < 0:
             continue
@@ -175,7 +174,7 @@ def _ends_on(
         at_m = first_m[:, None] + factor * travelled_m
         laws = [law_at(curve, reading_variance_db2(scenario), at_m) for curve in curves]
         for way, direction in enumerate(WAYS[: 2 if scenario.both_directions else 1]):
-            along = readings_dbm if direction is Direction.FORWARD else readings_dbm[::-1]
+            along = told.rsrp_dbm if direction is Direction.FORWARD else told.rsrp_dbm[::-1]
             density = _log_density(laws, along, scenario.device_offset_sd_db**2)
             end_m = at_m[:, -1] if direction is Direction.FORWARD else first_m
             group = np.full(len(end_m), 2 * number + way)
