@@ -4,8 +4,9 @@ What radii lack: `python -m benchmarks.told [SCENARIO] [--seeds N] [--windows N]
 No survey tells whether the vehicles' odometers err, nor whether cells will have changed by the time
 they drive: a map has priors of both. The same windows are asked of the fitted map as they are; each
 saying how far its distances err (`distance_error`); and of the map told, too, whether cells have
-changed. What the radius then holds is the model's own, what it held before is the priors'. Windows
-of 10 s, or of 30 m where samples do not come by the clock.
+changed. What the radius then holds, and how right road and sub-segment are said, is the model's
+own; what they were before is the priors'. Windows of 10 s, or of 30 m where samples do not come by
+the clock.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from app.numerics.calibration import calibrate
 from app.numerics.geodesy import distance_m
 from app.numerics.index import MapIndex
 from app.numerics.matching import locate
+from app.numerics.reliability import calibration_error, curve_of
 from app.numerics.roadfit import fit_road
 from benchmarks.bounds import CELLS, asked_of
 
@@ -75,22 +77,34 @@ def told(city: City) -> Iterator[tuple[str, MapIndex, float | None]]:
 def answers(
     index: MapIndex, asked: Sequence[Labelled], error: float | None
 ) -> Iterator[list[float]]:
-    """Error, whether it was refused, and whether each radius holds, of each window."""
+    """
+    Error, whether it was refused, whether each radius holds, and of road and sub-segment the
+    posterior and whether it is right, of each window.
+    """
     for one in asked:
         window: Window = replace(one.window, distance_error=error)
         fixes = [locate(index, window, confidence=each) for each in CONFIDENCES]
         error_m = float(distance_m(fixes[0].lon, fixes[0].lat, one.truth.lon, one.truth.lat))
         held = [not fix.off_map and error_m <= fix.accuracy_m for fix in fixes]
-        yield [error_m, fixes[0].off_map, *held]
+        fix = fixes[0]
+        road = not fix.off_map and fix.road_id == one.truth.road_id
+        segment = road and fix.segment_start_m <= one.truth.chainage_m <= fix.segment_end_m
+        said = [fix.road_posterior, road, fix.segment_posterior, segment]
+        yield [error_m, fix.off_map, *held, *said]
 
 
-def described(rows: Float[np.ndarray, "windows 4"]) -> str:
+def described(rows: Float[np.ndarray, "windows 8"]) -> str:
     """A line of figures; refused windows are held by no radius."""
-    error_m, refused, *held = rows.T
+    error_m, refused, *held, road_said, road, segment_said, segment = rows.T
+    right = [
+        calibration_error(curve_of(said, came > 0.0))
+        for said, came in ((road_said, road), (segment_said, segment))
+    ]
     radii = ", ".join(f"{c:.0%} {h.mean():.1%}" for c, h in zip(CONFIDENCES, held, strict=True))
     return (
         f"{len(rows)} windows  MDE {error_m.mean():6.3f} m  median {np.median(error_m):6.3f} m  "
-        f"refused {refused.mean():.1%}  radii hold {radii}"
+        f"refused {refused.mean():.1%}  radii hold {radii}  "
+        f"road {road.mean():.1%}  ECE road {right[0]:.1%}, sub-segment {right[1]:.1%}"
     )
 
 
