@@ -103,10 +103,7 @@ def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> 
         segment_sd_m=error_m,
     )
     trials = ask_all(index.recalibrated(learnt), models, asked)
-    if len(trials) >= ENOUGH_TO_PART or each >= INDEPENDENT:
-        learnt = replace(learnt, off_map=_log_odds(trials, learnt))
-    else:
-        learnt = replace(learnt, off_map=UNTRIED.off_map)
+    learnt = replace(learnt, off_map=_off_map(trials, learnt))
     return _wide_enough(index, trials, learnt)
 
 
@@ -222,6 +219,13 @@ def _nearness(miss_m: Floats, width_m: Floats, sd_m: float) -> Floats:
     """Density of the truth at a place missed by so much, when the truth errs by ``sd_m``."""
     spread_m = np.sqrt(sd_m**2 + width_m**2 / 12.0)
     return np.asarray(np.exp(-0.5 * (miss_m / spread_m) ** 2) / (spread_m * np.sqrt(2.0 * np.pi)))
+
+
+def _off_map(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]:
+    """Log odds of being on the map: of its own trials, or of real streets where these are few."""
+    if len(trials) >= ENOUGH_TO_PART or learnt.information_each >= INDEPENDENT:
+        return _log_odds(trials, learnt)
+    return UNTRIED.off_map
 
 
 def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]:

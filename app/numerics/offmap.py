@@ -35,8 +35,7 @@ class Fit(NamedTuple):
             windows of unknown roads fit best with any; else 0.
         score: Log likelihood of all readings against the background, offsets by their prior; over
             the window's temperature where samples say more than by their weight.
-        weight: Minus the curvature in the device's offset of what the temperature has not divided,
-            per dB^2.
+        weight: Minus the curvature of the undivided score in the device's offset, per dB^2.
         elsewhere: As the score, of the levels on a road of which nothing is known, see
             `app.numerics.elsewhere`.
     """

@@ -10,9 +10,7 @@ import pytest
 from app.domain import Calibration, Window
 from app.evaluation.scenario import windows
 from app.numerics.answer import fit_of_place
-from app.numerics.calibration import (
-    _log_odds,
-)
+from app.numerics.calibration import ENOUGH_TO_PART, UNTRIED, _log_odds, _off_map
 from app.numerics.evidence_table import DRAWN
 from app.numerics.matching import fine_places, shortlist
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability, off_map_terms
@@ -105,6 +103,16 @@ def test_a_window_that_fits_any_road_is_likelier_off_the_map():
     fits = [Fit(0.8, 0.0, score=10.0, elsewhere=each) for each in (7.0, 8.5, 10.0)]
     low, middle, high = (off_map_probability(learnt, fit, 5.0) for fit in fits)
     assert low < 0.2 * middle < 0.04 * high
+
+
+def test_few_windows_that_err_together_decide_nothing():
+    """They come from a road or two; where each sample errs for itself they are many samples."""
+    trials = trials_with_offsets(3, measured=True)
+    enough, few = trials[:ENOUGH_TO_PART], trials[: ENOUGH_TO_PART - 1]
+    together, apart = Calibration(information_each=0.1), Calibration(information_each=1.6)
+    assert _off_map(few, together) == UNTRIED.off_map
+    for told, learnt in ((enough, together), (few, apart)):
+        assert _off_map(told, learnt) == _log_odds(told, learnt) != UNTRIED.off_map
 
 
 def test_another_device_is_paid_for_by_its_prior():
