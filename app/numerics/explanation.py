@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 from app.domain import FEATURE_KINDS, Direction, Fix, Window
 from app.numerics import native
 from app.numerics.contributions import Contributions, Place, contributions
+from app.numerics.elsewhere import log_evidence
 from app.numerics.expected import Expected, expected
 from app.numerics.features import feature_matrix
 from app.numerics.geodesy import Floats
@@ -97,6 +98,7 @@ class Explanation:
         temperature: Scores are divided by it before they become probabilities.
         features: The window's own. Shape ``(5, cells)``.
         fit: How well the window fits at the answer's place, nats a reading; None without cells.
+        any_road: How probable its levels are on a road of which nothing is known, likewise.
     """
 
     cells: tuple[str, ...]
@@ -111,6 +113,7 @@ class Explanation:
     features: Float[np.ndarray, "kinds cells"]
     reference: str | None
     fit: float | None
+    any_road: float | None
 
     @property
     def difference(self) -> float:
@@ -167,6 +170,7 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
         features=sight.features(rsrp_dbm),
         reference=reference if reference in query.cells else None,
         fit=_fit(query, answer.told) if query.cells else None,
+        any_road=log_evidence(query.fine) / _readings(query) if query.cells else None,
     )
 
 
@@ -254,6 +258,10 @@ def _shares(
 
 def _fit(query: Query, told: Contributions) -> float:
     """`app.numerics.offmap.Fit.per_reading` at the place."""
-    readings = float((query.fine.weight @ query.fine.heard).sum())
     free = 0.5 * told.residual**2 / max(told.weight, 1e-6)
-    return (told.score - told.gain + free) / max(readings, 1e-6)
+    return (told.score - told.gain + free) / _readings(query)
+
+
+def _readings(query: Query) -> float:
+    """How many readings a window has, each counted by its weight."""
+    return max(float((query.fine.weight @ query.fine.heard).sum()), 1e-6)

@@ -118,8 +118,9 @@ def expected_share(told: Explanation, account: Account, cell: str) -> float:
 def _misfit(told: Explanation, fix: Fix) -> str:
     return (
         f"The window fits no road, not even where it fits best, {_place(told.answer)}: with "
-        f"{told.fit:.2f} nats a reading and a device {fix.device_offset_db:+.1f} dB from the "
-        f"surveys' it is off the map with probability {fix.off_map_posterior:.3f}."
+        f"{told.fit:.2f} nats a reading, where its levels have {told.any_road:.2f} on any road, "
+        f"and a device {fix.device_offset_db:+.1f} dB from the surveys' it is off the map with "
+        f"probability {fix.off_map_posterior:.3f}."
     )
 
 

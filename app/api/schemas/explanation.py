@@ -117,6 +117,10 @@ class ExplanationDocument(BaseModel):
     fit: float | None = Field(
         description="How well it fits at the answer, nats a reading; tells on the map from off."
     )
+    any_road: float | None = Field(
+        description="How probable its levels are on a road of which nothing is known, nats a "
+        "reading: of a window off the map hardly less than they are at the answer."
+    )
     samples: ExplainedSamples
     not_heard: list[MissingCell] = Field(description="The most probable first.")
     reference_cell: str | None = Field(
