@@ -1,12 +1,13 @@
 """
 How well a window off the map is told: `python -m benchmarks.strangers [SCENARIO] [--cells N]`.
 
-The same windows are asked of a map, and of the map without their road. That is done with the map
-fitted to the survey and, to see what a survey could tell at best, with the scenario's own curves as
-they were on the survey's day and as they are when the vehicles drive. Beside them the AUROC of the
-best possible rule, which is told the law that the city was drawn from. Then how right the posterior
-of the road is: over windows on the map alone, and where as many are off it as the prior has it.
-Windows of 10 s, or of 30 m where samples do not come by the clock.
+The same windows are asked of a map, and of the map without their road; and windows of another city
+of the same roads and cell names, whose shadowing alone is another, are asked of the whole map. That
+is done with the map fitted to the survey and, to see what a survey could tell at best, with the
+scenario's own curves as they were on the survey's day and as they are when the vehicles drive.
+Beside them the AUROC of the best possible rule, which is told the law that the city was drawn from.
+Then how right the posterior of the road is: over windows on the map alone, and where as many are
+off it as the prior has it. Windows of 10 s, or of 30 m where samples do not come by the clock.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from benchmarks.bounds import asked_of, of_true_curves
 
 FIRST_SEED = 701  # seeds that nothing was tuned on
 SEEDS, WINDOWS = 6, 100
+ANOTHER = 100  # seeds on: the other city
 KNOWN = max(INFORMATION_EACH)  # where curves are true every sample counts
 
 # Whether the window is on the map, the posterior of the road, whether that is the true one and the
@@ -51,19 +53,23 @@ def main() -> None:
     chosen = parser.parse_args()
     scenario = replace(preset(chosen.scenario), cells=chosen.cells)
     rows: dict[str, list[Row]] = {}
-    best: list[tuple[Odds, Odds]] = []
+    others: dict[str, list[float]] = {}
+    best: list[tuple[Odds, Odds, Odds]] = []
     for seed in range(FIRST_SEED, FIRST_SEED + chosen.seeds):
         city = build_city(scenario, seed)
         asked = asked_of(city, chosen.windows)
-        best.append(best_rule(city, asked))
+        foreign = asked_of(build_city(scenario, seed + ANOTHER), chosen.windows)
+        best.append((*best_rule(city, asked), best_rule(city, foreign)[0]))
         for name, models, calibration in maps_of(city):
             rows.setdefault(name, []).extend(answers(models, calibration, asked))
+            others.setdefault(name, []).extend(answers_abroad(models, calibration, foreign))
     print(f"{scenario.name}, {scenario.cells} cells, seeds from {FIRST_SEED} on")
     for name, row in rows.items():
-        print(f"  {name:24s} {described(row)}")
-    here, without = (np.concatenate(each) for each in zip(*best, strict=True))
+        print(f"  {name:24s} {described(row, others[name])}")
+    here, without, abroad = (np.concatenate(each) for each in zip(*best, strict=True))
     print(
-        f"  {'best with this survey':24s} {len(here)} windows  AUROC {auroc(-without, -here):.3f}"
+        f"  {'best with this survey':24s} {len(here)} windows  AUROC {auroc(-without, -here):.3f}, "
+        f"of another city {auroc(-abroad, -here):.3f}"
     )
 
 
@@ -110,16 +116,28 @@ def answers(
             yield on_map, fix.road_posterior, right, fix.off_map_posterior
 
 
-def described(rows: Sequence[Row]) -> str:
+def answers_abroad(
+    models: Sequence[RoadModel], calibration: Calibration, foreign: Sequence[Labelled]
+) -> Iterator[float]:
+    """Probability of being off the map of windows from a city that hears the same cell names."""
+    index = MapIndex.build(RadioMap(1, tuple(models), calibration))
+    for one in foreign:
+        yield locate(index, one.window).off_map_posterior
+
+
+def described(rows: Sequence[Row], others: Sequence[float]) -> str:
     """A line of figures."""
     on_map, posterior, right, off_map = np.array(rows, dtype=float).T
     on = on_map > 0.0
     often = np.where(on, round((1.0 - OFF_MAP_PRIOR) / OFF_MAP_PRIOR), 1)
     alone = error_of(posterior[on], right[on] > 0.0)
     mixed = error_of(posterior.repeat(often), right.repeat(often) > 0.0)
+    abroad = np.array(others)
     return (
-        f"{on.sum()} windows  AUROC {auroc(off_map[~on], off_map[on]):.3f}  "
-        f"refused {np.mean(off_map[on] > 0.5):.1%}, strangers {np.mean(off_map[~on] > 0.5):.1%}  "
+        f"{on.sum()} windows  AUROC {auroc(off_map[~on], off_map[on]):.3f}, "
+        f"of another city {auroc(abroad, off_map[on]):.3f}  "
+        f"refused {np.mean(off_map[on] > 0.5):.1%}, strangers {np.mean(off_map[~on] > 0.5):.1%}, "
+        f"of another city {np.mean(abroad > 0.5):.1%}  "
         f"ECE of the road {alone:.1%}, {OFF_MAP_PRIOR:.0%} of windows off the map {mixed:.1%}"
     )
 

@@ -22,29 +22,19 @@ from app.domain import Calibration, RadioMap, Reliability, RoadModel
 from app.numerics.evidence_table import HeldOut
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
-from app.numerics.offmap import (
-    GROWING,
-    OFF_MAP_PRIOR,
-    STRANGE,
-    Fit,
-    known_beforehand,
-    off_map_terms,
-)
-from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetPrior
+from app.numerics.odds import OF_REAL_STREETS, log_odds_of
+from app.numerics.offsets import OffsetPrior
 from app.numerics.posterior import RESIDUAL, WEIGHT, masses
 from app.numerics.reliability import reliability
 from app.numerics.trials import Trial, ask_all, size_of, with_offset
 from app.numerics.unseen import Asked, ask_at_home, held_out_windows
 
 MIN_WINDOWS = 20  # fewer held-out windows say nothing reliable
-ENOUGH_TO_PART = 200  # windows: three roads'; a road or two tell little of what strangers are like
 ASTRAY = 0.05  # chance that nothing could place a held-out window: such must not decide alone
 NEAR_TRUTH_M = 20.0  # of the same sub-segment; survey positions themselves err by metres
 SMALLEST_OFFSET_SD_DB = 0.5
 HELD = 0.68  # of the truths lie within the radius that clients are told unless they ask otherwise
 MOST_WIDENED = 2.0  # times the position error of the logarithmic score
-QUARTERS = (0.31864, 1.15035)  # middles of the two halves of |N(0, 1)|
-RIDGE = 3e-5  # next to nothing: it only stops classes that do not overlap from parting for ever
 
 UNTRIED = Calibration(  # of real streets driven once, asked on another day: decisions 12 and 17
     information_once=0.45,
@@ -52,14 +42,13 @@ UNTRIED = Calibration(  # of real streets driven once, asked on another day: dec
     offset_sd_db=2.0,
     position_sd_m=8.0,
     segment_sd_m=4.5,
-    off_map=(3.34, 1.35, 0.76, 0.0, -0.03, 0.0099, -0.0021),
+    off_map=OF_REAL_STREETS,
 )
 
 TEMPERATURES = np.geomspace(0.05, 40.0, 24)
 POSITION_SDS_M = (0.0, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 8.0, 11.0)
 INFORMATION_ONCE = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.4, 2.0, 2.8, 4.0)
 INFORMATION_EACH = tuple(float(each) for each in np.geomspace(0.01, 20.0, 31))
-INDEPENDENT = 1.0  # samples that say so much of their weight err each for itself: no real street's
 # Of windows drawn reading by reading from the map's own curves: every sample counts, in its place
 EVERY_SAMPLE = (0.0, INFORMATION_EACH[-1])
 
@@ -103,7 +92,7 @@ def calibrate(models: Sequence[RoadModel], given: Calibration | None = None) -> 
         segment_sd_m=error_m,
     )
     trials = ask_all(index.recalibrated(learnt), models, asked)
-    learnt = replace(learnt, off_map=_off_map(trials, learnt))
+    learnt = replace(learnt, off_map=log_odds_of(trials, learnt))
     return _wide_enough(index, trials, learnt)
 
 
@@ -219,78 +208,3 @@ def _nearness(miss_m: Floats, width_m: Floats, sd_m: float) -> Floats:
     """Density of the truth at a place missed by so much, when the truth errs by ``sd_m``."""
     spread_m = np.sqrt(sd_m**2 + width_m**2 / 12.0)
     return np.asarray(np.exp(-0.5 * (miss_m / spread_m) ** 2) / (spread_m * np.sqrt(2.0 * np.pi)))
-
-
-def _off_map(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]:
-    """Log odds of being on the map: of its own trials, or of real streets where these are few."""
-    if len(trials) >= ENOUGH_TO_PART or learnt.information_each >= INDEPENDENT:
-        return _log_odds(trials, learnt)
-    return UNTRIED.off_map
-
-
-def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]:
-    """
-    Log odds of being on the map, both classes weighing alike, then shifted by `OFF_MAP_PRIOR`.
-
-    Logistic regression by Newton's method, with a small ridge so that classes that do not overlap
-    end at a finite slope. Surveys are often driven with one device, vehicles are not: a share of
-    the windows on the map counts as heard by devices unlike the surveys', and an offset is never
-    worse evidence than a Cauchy density against an even one.
-    """
-    on: list[tuple[Fit, float, float]] = []
-    off: list[tuple[Fit, float, float]] = []
-    for one in trials:
-        much, measured = one.information(learnt), one.truth.measured
-        if one.fit is not None:
-            devices = _of_any_device(one.fit, one.prior, measured=measured)
-            on += [(fit, much, weight) for fit, weight in devices]
-        if one.stranger_fit is not None:
-            fit = one.stranger_fit if measured else one.stranger_fit.heard_by(0.0, one.prior)
-            off.append((fit, much, 1.0))
-    if not on or not off:
-        return Calibration().off_map
-    terms = np.array([off_map_terms(fit, much) for fit, much, _ in on + off])
-    known = np.array([known_beforehand(fit) for fit, _, _ in on + off])
-    label = np.concatenate([np.ones(len(on)), np.zeros(len(off))])
-    weight = np.array([each for _, _, each in on + off])
-    weight *= np.where(label > 0, 0.5 / weight[: len(on)].sum(), 0.5 / len(off))
-    centre, scale = terms.mean(axis=0), terms.std(axis=0) + 1e-9
-    centre[0], scale[0] = 0.0, 1.0
-    design = (terms - centre) / scale
-    design[:, GROWING] = 0.0
-    theta = _newton(design, label, weight, known)
-    strange = float(np.clip(theta[STRANGE], -scale[STRANGE], 0.0))
-    if strange != theta[STRANGE]:
-        known += strange * design[:, STRANGE]
-        design[:, STRANGE] = 0.0
-        theta = _newton(design, label, weight, known)
-        theta[STRANGE] = strange
-    slopes = theta / scale
-    slopes[0] -= float(slopes[1:] @ centre[1:]) + np.log(OFF_MAP_PRIOR / (1.0 - OFF_MAP_PRIOR))
-    return tuple(slopes.tolist())
-
-
-def _of_any_device(fit: Fit, prior: OffsetPrior, *, measured: bool) -> list[tuple[Fit, float]]:
-    """A window's fit, had it been heard by devices of the prior; drawn ones tell no offset."""
-    if not measured:
-        return [(fit.heard_by(0.0, prior), 1.0)]
-    share = BROAD_OFFSET_SHARE / len(QUARTERS)
-    others = [(fit.heard_by(BROAD_OFFSET_SD_DB * z, prior), share) for z in QUARTERS]
-    return [(fit, 1.0 - BROAD_OFFSET_SHARE), *others]
-
-
-def _newton(design: Floats, label: Floats, weight: Floats, given: Floats) -> Floats:
-    """
-    Coefficients of a logistic regression.
-
-    Args:
-        given: Log odds that are known beforehand, of each row.
-    """
-    ridge = RIDGE * np.array([1e-6, *np.ones(design.shape[1] - 1)])
-    theta = np.zeros(design.shape[1])
-    for _ in range(30):
-        chance = 1.0 / (1.0 + np.exp(-np.clip(design @ theta + given, -50.0, 50.0)))
-        gradient = design.T @ (weight * (label - chance)) - ridge * theta
-        hessian = (design.T * (weight * chance * (1.0 - chance))) @ design + np.diag(ridge)
-        theta = theta + np.linalg.solve(hessian, gradient)
-    return theta

@@ -3,7 +3,7 @@ Whether a window comes from the map's roads at all.
 
 A logistic curve of how well it fits there and how probable its levels are anywhere else, of how
 loud the device would have to be and of how much there was to fit, learnt from windows that are on
-the map and windows that the map cannot know, see `app.numerics.calibration`.
+the map and windows that the map cannot know, see `app.numerics.odds`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from app.numerics.offsets import APART_SHARE, OffsetPrior, offset_gain_at
 
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
 TYPICAL_DB = 1.0  # devices of one kind differ by about so much
-GROWING, STRANGE = 3, 4  # which of `off_map_terms` only older maps have learnt; and the device's
+# Which of `off_map_terms` is what; only older maps have learnt the one that grows with size
+SIZE, GROWING, STRANGE, SCORE, ELSEWHERE = 2, 3, 4, 5, 6
 OFF_MAP_PRIOR = 0.02  # share of windows from roads that the map lacks: decision 17
 
 

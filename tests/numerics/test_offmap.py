@@ -10,14 +10,17 @@ import pytest
 from app.domain import Calibration, Window
 from app.evaluation.scenario import windows
 from app.numerics.answer import fit_of_place
-from app.numerics.calibration import ENOUGH_TO_PART, UNTRIED, _log_odds, _off_map
 from app.numerics.evidence_table import DRAWN
 from app.numerics.matching import fine_places, shortlist
+from app.numerics.odds import ENOUGH_TO_PART, OF_REAL_STREETS, _log_odds, log_odds_of
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability, off_map_terms
 from app.numerics.offsets import APART_SHARE
 from app.numerics.query import ask
 from tests.numerics.cities import city_of, index_of
 from tests.numerics.trials import trial
+
+TOGETHER = Calibration(information_each=0.1)  # samples err as on real streets
+APART = Calibration(information_each=1.6)  # or each for itself
 
 
 def test_off_map_falls_with_the_fit():
@@ -40,7 +43,12 @@ def test_log_odds_part_two_classes():
         on, off = (half_way(mean + noise * rng.normal(), weight) for mean in (1.0, 0.0))
         one = trial(rng, 10, 10.0)
         trials.append(replace(one, weight=weight, samples=99, fit=on, stranger_fit=off))
-    learnt = Calibration(off_map=_log_odds(trials, Calibration()))
+    for errs in (TOGETHER, APART):
+        parted(Calibration(off_map=_log_odds(trials, errs)))
+
+
+def parted(learnt):
+    """At what the odds of the two Gaussians are, for short windows and long ones."""
     for weight, sure in ((1.0, 0.25), (18.0, 0.02)):
         assert off_map_probability(learnt, half_way(1.0, weight), weight) < sure
         # Log odds of the two Gaussians at their middle are even, but for the prior.
@@ -71,7 +79,7 @@ def trials_with_offsets(seed: int, *, measured: bool):
 
 def test_a_window_that_needs_a_strange_device_is_likelier_off_the_map():
     """The same fit with 15 dB of offset; with 6 dB, as a vehicle's may have, it is kept."""
-    learnt = Calibration(off_map=_log_odds(trials_with_offsets(3, measured=True), Calibration()))
+    learnt = Calibration(off_map=_log_odds(trials_with_offsets(3, measured=True), TOGETHER))
     usual, unusual, strange = (
         off_map_probability(learnt, Fit(0.8, offset_db), 5.0) for offset_db in (0.3, 6.0, 15.0)
     )
@@ -82,7 +90,7 @@ def test_a_window_that_needs_a_strange_device_is_likelier_off_the_map():
 
 def test_drawn_windows_tell_nothing_of_devices():
     """Of roads with one pass: the odds do not hang on the offset."""
-    learnt = Calibration(off_map=_log_odds(trials_with_offsets(4, measured=False), Calibration()))
+    learnt = Calibration(off_map=_log_odds(trials_with_offsets(4, measured=False), TOGETHER))
     odds = [off_map_probability(learnt, Fit(0.4, offset_db), 5.0) for offset_db in (0.0, 15.0)]
     assert odds[0] == pytest.approx(odds[1])
 
@@ -99,20 +107,36 @@ def test_a_window_that_fits_any_road_is_likelier_off_the_map():
         )
         one = trial(rng, 10, 10.0)
         trials.append(replace(one, weight=5.0, samples=99, fit=on, stranger_fit=off))
-    learnt = Calibration(off_map=_log_odds(trials, Calibration()))
+    learnt = Calibration(off_map=_log_odds(trials, TOGETHER))
     fits = [Fit(0.8, 0.0, score=10.0, elsewhere=each) for each in (7.0, 8.5, 10.0)]
     low, middle, high = (off_map_probability(learnt, fit, 5.0) for fit in fits)
     assert low < 0.2 * middle < 0.04 * high
+
+
+def test_where_samples_err_apart_a_bayes_factor_decides():
+    """Classes that any term parts teach one slope of both its sides, and nothing of other areas."""
+    rng = np.random.default_rng(7)
+    trials = []
+    for _ in range(300):
+        elsewhere, size = float(rng.normal(20.0, 5.0)), float(np.exp(rng.uniform(0.0, 2.0)))
+        on = Fit(1.0, 0.1, score=elsewhere + 30.0 + 3.0 * rng.normal(), elsewhere=elsewhere)
+        off = Fit(-9.0, 5.0, score=elsewhere - 90.0 + 30.0 * rng.normal(), elsewhere=elsewhere)
+        one = trial(rng, 10, 10.0)
+        trials.append(replace(one, weight=size, samples=99, fit=on, stranger_fit=off))
+    constant, per_reading, size, growing, strange, score, other = _log_odds(trials, APART)
+    assert constant != 0.0
+    assert per_reading > 0.0
+    assert size == growing == strange == 0.0
+    assert score == -other > 0.0
 
 
 def test_few_windows_that_err_together_decide_nothing():
     """They come from a road or two; where each sample errs for itself they are many samples."""
     trials = trials_with_offsets(3, measured=True)
     enough, few = trials[:ENOUGH_TO_PART], trials[: ENOUGH_TO_PART - 1]
-    together, apart = Calibration(information_each=0.1), Calibration(information_each=1.6)
-    assert _off_map(few, together) == UNTRIED.off_map
-    for told, learnt in ((enough, together), (few, apart)):
-        assert _off_map(told, learnt) == _log_odds(told, learnt) != UNTRIED.off_map
+    assert log_odds_of(few, TOGETHER) == OF_REAL_STREETS
+    for told, learnt in ((enough, TOGETHER), (few, APART)):
+        assert log_odds_of(told, learnt) == _log_odds(told, learnt) != OF_REAL_STREETS
 
 
 def test_another_device_is_paid_for_by_its_prior():
