@@ -26,7 +26,7 @@ from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetP
 from app.numerics.trials import Trial
 
 ENOUGH_TO_PART = 200  # windows: three roads'; a road or two tell little of what strangers are like
-INDEPENDENT = 0.6  # samples that say so much of their weight err each for itself; real ones: 0.45 at most
+INDEPENDENT = 0.6  # samples that say so much of their weight err each for itself; real: 0.45
 QUARTERS = (0.31864, 1.15035)  # middles of the two halves of |N(0, 1)|
 RIDGE = 3e-5  # next to nothing: it only stops classes that do not overlap from parting for ever
 # Of 17 streets driven twice, each day asked of the other: `benchmarks.first_night --constants`
