@@ -26,7 +26,8 @@ from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetP
 from app.numerics.trials import Trial
 
 ENOUGH_TO_PART = 200  # windows: three roads'; a road or two tell little of what strangers are like
-INDEPENDENT = 0.6  # samples that say so much of their weight err each for itself; real: 0.45
+# Samples of 100 m, of weight 10, err each for itself if they say as much as 6; real ones say up to 5
+TYPICAL_WEIGHT, INDEPENDENT = 10.0, 6.0
 QUARTERS = (0.31864, 1.15035)  # middles of the two halves of |N(0, 1)|
 RIDGE = 3e-5  # next to nothing: it only stops classes that do not overlap from parting for ever
 # Of 17 streets driven twice, each day asked of the other: `benchmarks.first_night --constants`
@@ -41,9 +42,15 @@ def log_odds_of(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ..
     Args:
         learnt: How much the map's windows say.
     """
-    if len(trials) >= ENOUGH_TO_PART or learnt.information_each >= INDEPENDENT:
+    if len(trials) >= ENOUGH_TO_PART or err_apart(learnt):
         return _log_odds(trials, learnt)
     return OF_REAL_STREETS
+
+
+def err_apart(learnt: Calibration) -> bool:
+    """Whether samples err each for itself, as made-up ones do: by how much a window says."""
+    many = 1000  # however closely it was sampled
+    return learnt.information(TYPICAL_WEIGHT, many) >= INDEPENDENT
 
 
 def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]:
@@ -76,7 +83,7 @@ def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]
     label = np.concatenate([np.ones(len(on)), np.zeros(len(off))])
     weight = np.array([each for _, _, each in on + off])
     weight *= np.where(label > 0, 0.5 / weight[: len(on)].sum(), 0.5 / len(off))
-    apart = learnt.information_each >= INDEPENDENT
+    apart = err_apart(learnt)
     if apart:
         terms[:, SCORE] -= terms[:, ELSEWHERE]
     centre, scale = terms.mean(axis=0), terms.std(axis=0) + 1e-9
