@@ -26,7 +26,7 @@ from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetP
 from app.numerics.trials import Trial
 
 ENOUGH_TO_PART = 200  # windows: three roads'; a road or two tell little of what strangers are like
-# Samples of 100 m, of weight 10, err each for itself if they say as much as 6; real ones say up to 5
+# Samples of 100 m, weight 10, err each for itself if they say as much as 6; real ones say up to 5
 TYPICAL_WEIGHT, INDEPENDENT = 10.0, 6.0
 QUARTERS = (0.31864, 1.15035)  # middles of the two halves of |N(0, 1)|
 RIDGE = 3e-5  # next to nothing: it only stops classes that do not overlap from parting for ever
