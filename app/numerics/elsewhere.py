@@ -29,6 +29,7 @@ MEAN_SD_DB = 8.0
 FIELD_SD_DB = 6.0
 FIELD_M = 40.0
 NOISE_DB = 3.0
+FEATURELESS = 0.05  # how often levels follow no such law: any level is as likely as any other
 READING_LOG = math.log(BACKGROUND_SPAN_DB) - 0.5 * math.log(2.0 * math.pi * NOISE_DB**2)
 
 
@@ -62,3 +63,12 @@ def log_evidence(seen: Evidence, temperature: float = 1.0) -> float:
     told = 1.0 + MEAN_SD_DB**2 * weight
     each = MEAN_SD_DB**2 * residual**2 / told - squares - np.log(told) - log
     return float(0.5 * each.sum() + READING_LOG * count.sum())
+
+
+def or_featureless(log_evidence_of_law: float) -> float:
+    """
+    The same where levels may follow no law at all, by which the log evidence is 0: what jumps as
+    levels never do is no likelier to come from the map for it.
+    """
+    law, none = math.log1p(-FEATURELESS) + log_evidence_of_law, math.log(FEATURELESS)
+    return max(law, none) + math.log1p(math.exp(-abs(law - none)))

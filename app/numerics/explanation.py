@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from app.domain import FEATURE_KINDS, Direction, Fix, Window
 from app.numerics import native
 from app.numerics.contributions import Contributions, Place, contributions
-from app.numerics.elsewhere import log_evidence
+from app.numerics.elsewhere import log_evidence, or_featureless
 from app.numerics.expected import Expected, expected
 from app.numerics.features import feature_matrix
 from app.numerics.geodesy import Floats
@@ -170,7 +170,9 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
         features=sight.features(rsrp_dbm),
         reference=reference if reference in query.cells else None,
         fit=_fit(query, answer.told) if query.cells else None,
-        any_road=log_evidence(query.fine) / _readings(query) if query.cells else None,
+        any_road=or_featureless(log_evidence(query.fine)) / _readings(query)
+        if query.cells
+        else None,
     )
 
 

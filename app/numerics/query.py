@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from app.domain import Calibration, Window
 from app.numerics import carriers, native
-from app.numerics.elsewhere import log_evidence
+from app.numerics.elsewhere import log_evidence, or_featureless
 from app.numerics.index import MapIndex
 from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS, Evidence, coefficients, evidence
@@ -106,8 +106,8 @@ class Query:
         """How probable its levels are on a road of which nothing is known, as a log evidence."""
         temperature = self.temperature(calibration)
         if self.told is None:
-            return log_evidence(self.fine, temperature)
-        return native.log_evidence(self.told, temperature)
+            return or_featureless(log_evidence(self.fine, temperature))
+        return or_featureless(native.log_evidence(self.told, temperature))
 
     @property
     def length_m(self) -> float:

@@ -14,6 +14,7 @@ from app.numerics.elsewhere import (
     MEAN_SD_DB,
     NOISE_DB,
     log_evidence,
+    or_featureless,
 )
 from app.numerics.observation import BACKGROUND_SPAN_DB, CENTRE_DBM, Evidence, evidence
 from tests.numerics.test_native import built
@@ -96,3 +97,10 @@ def test_levels_that_change_faster_than_levels_do_are_improbable():
         for each in (jumping, rising, flat)
     ]
     assert found[0] < found[1] - 10.0 < found[2] - 20.0
+
+
+def test_what_follows_no_law_is_a_background():
+    """A share of the prior, where levels jump as no levels do; else as the law has it."""
+    assert or_featureless(-500.0) == pytest.approx(np.log(0.05))
+    assert or_featureless(30.0) == pytest.approx(30.0 + np.log(0.95))
+    assert or_featureless(0.0) == pytest.approx(0.0)
