@@ -6,13 +6,14 @@ import numpy as np
 from jaxtyping import Float
 
 from app.domain import Candidate, Direction, Fix
-from app.numerics.index import MapIndex
-from app.numerics.offmap import Fit, best_fit, off_map_probability
+from app.numerics.index import MapIndex, RoadIndex
+from app.numerics.offmap import Fit, best_fit, err_apart, off_map_probability
 from app.numerics.offsets import offset_db
 from app.numerics.posterior import APART, RESIDUAL, SCORE, Places
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
 from app.numerics.tapes import BOTH
+from app.numerics.this_road import log_factor
 
 _new = tuple.__new__  # a window that fits everywhere names a thousand: a third of the time
 
@@ -72,20 +73,30 @@ def answer(
 
 
 def fit_of_place(
-    index: MapIndex, query: Query, places: Places, place: int, raised_by: float = 0.0
+    index: MapIndex,
+    query: Query,
+    places: Places,
+    place: int,
+    raised_by: float = 0.0,
+    own: RoadIndex | None = None,
 ) -> Fit | None:
     """
     How well the window fits at a place; None when the map knows none of its cells.
 
     Args:
         raised_by: Part of the place's score that no reading said.
+        own: A road to be taken for the one of its number in the map.
     """
     if not query.cells:
         return None
     score, residual, weight, apart = places.values[SCORE:, place].tolist()
     sums = (score - raised_by, residual, weight, apart)
-    elsewhere = query.elsewhere(index.calibration)
-    return best_fit(sums, query.prior(index), query.fine, elsewhere)
+    prior, elsewhere, factor = query.prior(index), query.elsewhere(index.calibration), 0.0
+    if err_apart(index.calibration):
+        number, sign = places.where[:, place].tolist()
+        road = own if own is not None and own.number == number else index.roads[number]
+        factor = log_factor(query, road, sign, float(places.chainage_m[place]), prior)
+    return best_fit(sums, prior, query.fine, elsewhere, factor)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

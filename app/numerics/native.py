@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 from numpy.typing import NDArray
 
-from app.numerics import elsewhere
 from app.numerics.observation import (
     CENTRE_DBM,
     CORRELATION_M,
@@ -31,7 +30,7 @@ try:
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 14  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 15  # a library left by an older version of the code is not used
 
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
@@ -123,15 +122,6 @@ def evidence(
         block[samples:level],
     )
     return Told(block, samples, group), seen
-
-
-def log_evidence(told: Told, temperature: float) -> float:
-    """Twin of `app.numerics.elsewhere.log_evidence`."""
-    field = (elsewhere.MEAN_SD_DB**2, elsewhere.FIELD_SD_DB**2, elsewhere.FIELD_M)
-    reading = (elsewhere.NOISE_DB**2, elsewhere.READING_LOG)
-    return _native.elsewhere(
-        told.block, told.samples, len(told.group), *field, *reading, min(temperature, 1.0)
-    )
 
 
 def score_tape(

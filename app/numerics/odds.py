@@ -13,12 +13,14 @@ from app.domain import Calibration
 from app.numerics.geodesy import Floats
 from app.numerics.offmap import (
     ELSEWHERE,
+    FACTOR,
     GROWING,
     OFF_MAP_PRIOR,
     SCORE,
     SIZE,
     STRANGE,
     Fit,
+    err_apart,
     known_beforehand,
     off_map_terms,
 )
@@ -26,12 +28,13 @@ from app.numerics.offsets import BROAD_OFFSET_SD_DB, BROAD_OFFSET_SHARE, OffsetP
 from app.numerics.trials import Trial
 
 ENOUGH_TO_PART = 200  # windows: three roads'; a road or two tell little of what strangers are like
-# Samples of 100 m, weight 10, err each for itself if they say as much as 6; real ones say up to 5
-TYPICAL_WEIGHT, INDEPENDENT = 10.0, 6.0
 QUARTERS = (0.31864, 1.15035)  # middles of the two halves of |N(0, 1)|
 RIDGE = 3e-5  # next to nothing: it only stops classes that do not overlap from parting for ever
+FACTOR_RIDGE = 1e-4  # likewise, of a Bayes factor's slope, which is 1 if its laws are right
+# Terms that are not learnt where samples err together, and where each errs for itself
+TOGETHER, APART = [GROWING, FACTOR], [SIZE, GROWING, STRANGE, SCORE, ELSEWHERE]
 # Of 17 streets driven twice, each day asked of the other: `benchmarks.first_night --constants`
-OF_REAL_STREETS = (3.34, 1.35, 0.76, 0.0, -0.03, 0.0099, -0.0021)
+OF_REAL_STREETS = (3.25, 1.36, 0.62, 0.0, -0.02, 0.0101, -0.0019)
 
 
 def log_odds_of(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]:
@@ -47,12 +50,6 @@ def log_odds_of(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ..
     return OF_REAL_STREETS
 
 
-def err_apart(learnt: Calibration) -> bool:
-    """Whether samples err each for itself, as made-up ones do: by how much a window says."""
-    many = 1000  # however closely it was sampled
-    return learnt.information(TYPICAL_WEIGHT, many) >= INDEPENDENT
-
-
 def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]:
     """
     Log odds of being on the map, both classes weighing alike, then shifted by `OFF_MAP_PRIOR`.
@@ -62,9 +59,9 @@ def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]
     the windows on the map counts as heard by devices unlike the surveys', and an offset is never
     worse evidence than a Cauchy density against an even one.
 
-    Where samples err independently, score and evidence are the two sides of a Bayes factor as they
-    stand and have one slope. Roads of one area are told apart by much beside it, which is wrong of
-    windows from other areas that hear the same names: decision 19.
+    Where samples err independently a Bayes factor tells, whose laws are known, and the fit per
+    reading. Roads of one area are told apart by much else, which is wrong of windows from other
+    areas that hear the same names: decision 20.
     """
     on: list[tuple[Fit, float, float]] = []
     off: list[tuple[Fit, float, float]] = []
@@ -78,29 +75,29 @@ def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]
             off.append((fit, much, 1.0))
     if not on or not off:
         return Calibration().off_map
+    apart = err_apart(learnt)
     terms = np.array([off_map_terms(fit, much) for fit, much, _ in on + off])
-    known = np.array([known_beforehand(fit) for fit, _, _ in on + off])
+    known = np.array([0.0 if apart else known_beforehand(fit) for fit, _, _ in on + off])
     label = np.concatenate([np.ones(len(on)), np.zeros(len(off))])
     weight = np.array([each for _, _, each in on + off])
     weight *= np.where(label > 0, 0.5 / weight[: len(on)].sum(), 0.5 / len(off))
-    apart = err_apart(learnt)
-    if apart:
-        terms[:, SCORE] -= terms[:, ELSEWHERE]
     centre, scale = terms.mean(axis=0), terms.std(axis=0) + 1e-9
     centre[0], scale[0] = 0.0, 1.0
     design = (terms - centre) / scale
-    design[:, [SIZE, GROWING, STRANGE, ELSEWHERE] if apart else [GROWING]] = 0.0
-    theta = _newton(design, label, weight, known)
+    design[:, APART if apart else TOGETHER] = 0.0
+    usual, ridge = np.zeros(len(scale)), np.full(len(scale), RIDGE)
+    ridge[0] *= 1e-6
+    if apart:
+        usual[FACTOR], ridge[FACTOR] = scale[FACTOR], FACTOR_RIDGE / scale[FACTOR] ** 2
+    theta = _newton(design, label, weight, known, (usual, ridge))
     strange = float(np.clip(theta[STRANGE], -scale[STRANGE], 0.0))
     if strange != theta[STRANGE]:
         known += strange * design[:, STRANGE]
         design[:, STRANGE] = 0.0
-        theta = _newton(design, label, weight, known)
+        theta = _newton(design, label, weight, known, (usual, ridge))
         theta[STRANGE] = strange
     slopes = theta / scale
     slopes[0] -= float(slopes[1:] @ centre[1:]) + np.log(OFF_MAP_PRIOR / (1.0 - OFF_MAP_PRIOR))
-    if apart:
-        slopes[ELSEWHERE] = -slopes[SCORE]
     return tuple(slopes.tolist())
 
 
@@ -113,18 +110,21 @@ def _of_any_device(fit: Fit, prior: OffsetPrior, *, measured: bool) -> list[tupl
     return [(fit, 1.0 - BROAD_OFFSET_SHARE), *others]
 
 
-def _newton(design: Floats, label: Floats, weight: Floats, given: Floats) -> Floats:
+def _newton(
+    design: Floats, label: Floats, weight: Floats, given: Floats, prior: tuple[Floats, Floats]
+) -> Floats:
     """
     Coefficients of a logistic regression.
 
     Args:
         given: Log odds that are known beforehand, of each row.
+        prior: What the coefficients are usually, and how strongly each is held to that.
     """
-    ridge = RIDGE * np.array([1e-6, *np.ones(design.shape[1] - 1)])
+    usual, ridge = prior
     theta = np.zeros(design.shape[1])
     for _ in range(30):
         chance = 1.0 / (1.0 + np.exp(-np.clip(design @ theta + given, -50.0, 50.0)))
-        gradient = design.T @ (weight * (label - chance)) - ridge * theta
+        gradient = design.T @ (weight * (label - chance)) - ridge * (theta - usual)
         hessian = (design.T * (weight * chance * (1.0 - chance))) @ design + np.diag(ridge)
         theta = theta + np.linalg.solve(hessian, gradient)
     return theta

@@ -20,7 +20,9 @@ from app.numerics.offsets import APART_SHARE, OffsetPrior, offset_gain_at
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
 TYPICAL_DB = 1.0  # devices of one kind differ by about so much
 # Which of `off_map_terms` is what; only older maps have learnt the one that grows with size
-SIZE, GROWING, STRANGE, SCORE, ELSEWHERE = 2, 3, 4, 5, 6
+SIZE, GROWING, STRANGE, SCORE, ELSEWHERE, FACTOR = 2, 3, 4, 5, 6, 7
+# Samples of 100 m, weight 10, err each for itself if they say as much as 6; real ones say up to 5
+TYPICAL_WEIGHT, INDEPENDENT = 10.0, 6.0
 OFF_MAP_PRIOR = 0.02  # share of windows from roads that the map lacks: decision 17
 
 
@@ -39,6 +41,8 @@ class Fit(NamedTuple):
         weight: Minus the curvature of the undivided score in the device's offset, per dB^2.
         elsewhere: As the score, of the levels on a road of which nothing is known, see
             `app.numerics.elsewhere`.
+        factor: How much more probable the levels are on this road than on others, by the logarithm,
+            see `app.numerics.this_road`; 0 where samples do not err each for itself.
     """
 
     per_reading: float
@@ -47,13 +51,15 @@ class Fit(NamedTuple):
     score: float = 0.0
     weight: float = 0.0
     elsewhere: float = 0.0
+    factor: float = 0.0
 
     def heard_by(self, offset_db: float, prior: OffsetPrior) -> Fit:
         """The fit of the same window, had a device of another offset heard it."""
         dearer = _offset_cost(offset_db, self.weight, prior)
         dearer -= _offset_cost(self.offset_db, self.weight, prior)
-        score = self.score - dearer / min(prior.temperature, 1.0)
-        return self._replace(offset_db=offset_db, score=score)
+        dearer /= min(prior.temperature, 1.0)
+        score, factor = self.score - dearer, self.factor - dearer
+        return self._replace(offset_db=offset_db, score=score, factor=factor)
 
 
 def _offset_cost(offset_db: float, weight: float, prior: OffsetPrior) -> float:
@@ -66,13 +72,20 @@ def off_map_terms(fit: Fit, information: float) -> tuple[float, ...]:
     What the log odds of being on the map are linear in.
 
     An offset counts by the logarithm of a Cauchy density of scale `TYPICAL_DB`, large ones hardly
-    more than middling ones, and however long the window is: it has one device. The last two are,
-    but for what samples share, the two sides of a Bayes factor: this road, or any other.
+    more than middling ones, and however long the window is: it has one device. Score and evidence
+    are, but for what samples share, the two sides of a Bayes factor: this road, or any other. The
+    last is one that says what they share, where that is known.
     """
     size = math.log(min(max(information, LEAST), MOST))
     strange = math.log1p((fit.offset_db / TYPICAL_DB) ** 2)
-    bayes = (fit.score, fit.elsewhere)
+    bayes = (fit.score, fit.elsewhere, fit.factor)
     return 1.0, fit.per_reading, size, fit.per_reading * size, strange, *bayes
+
+
+def err_apart(learnt: Calibration) -> bool:
+    """Whether samples err each for itself, as made-up ones do: by how much a window says."""
+    many = 1000  # however closely it was sampled
+    return learnt.information(TYPICAL_WEIGHT, many) >= INDEPENDENT
 
 
 def known_beforehand(fit: Fit) -> float:
@@ -84,7 +97,11 @@ def known_beforehand(fit: Fit) -> float:
 
 
 def best_fit(
-    sums: tuple[float, float, float, float], prior: OffsetPrior, seen: Evidence, elsewhere: float
+    sums: tuple[float, float, float, float],
+    prior: OffsetPrior,
+    seen: Evidence,
+    elsewhere: float,
+    factor: float,
 ) -> Fit:
     """
     How well a window fits the map at all.
@@ -92,6 +109,7 @@ def best_fit(
     Args:
         sums: Score, residual and weight of the best place, and how probably groups are apart there.
         elsewhere: Log evidence of its levels on any road.
+        factor: See `Fit`.
     """
     score, residual, weight, apart = sums
     weight = max(weight, 1e-6)
@@ -104,6 +122,7 @@ def best_fit(
         score=score / min(prior.temperature, 1.0),
         weight=weight,
         elsewhere=elsewhere,
+        factor=factor,
     )
 
 
@@ -112,7 +131,7 @@ def off_map_probability(calibration: Calibration, fit: Fit | None, information: 
     Probability that the window comes from a road that the map lacks.
 
     Args:
-        calibration: Older ones have coefficients of the first four or five terms alone.
+        calibration: Older ones have coefficients of the first four, five or seven terms alone.
         fit: From `best_fit`; None for a window that heard no cell of the map.
         information: How many independent samples the window is worth: the fit of many says more.
     """
@@ -120,5 +139,6 @@ def off_map_probability(calibration: Calibration, fit: Fit | None, information: 
         return 1.0 - 1e-6
     known = calibration.off_map
     log_odds_on = float(np.dot(known, off_map_terms(fit, information)[: len(known)]))
-    log_odds_on += known_beforehand(fit)
+    if known[FACTOR:] in ((), (0.0,)):  # it pays for changed cells itself
+        log_odds_on += known_beforehand(fit)
     return 1.0 / (1.0 + math.exp(min(max(log_odds_on, -30.0), 30.0)))

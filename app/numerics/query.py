@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from app.domain import Calibration, Window
-from app.numerics import carriers, native
+from app.numerics import carriers, native, native_laws
 from app.numerics.elsewhere import log_evidence, or_featureless
 from app.numerics.index import MapIndex
 from app.numerics.newcomers import Columns
@@ -107,7 +107,7 @@ class Query:
         temperature = self.temperature(calibration)
         if self.told is None:
             return or_featureless(log_evidence(self.fine, temperature))
-        return or_featureless(native.log_evidence(self.told, temperature))
+        return or_featureless(native_laws.log_evidence(self.told, temperature))
 
     @property
     def length_m(self) -> float:

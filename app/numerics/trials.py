@@ -14,7 +14,7 @@ from app.domain import Calibration, RoadModel, Window
 from app.numerics import native
 from app.numerics.answer import fit_of_place
 from app.numerics.evidence_table import HeldOut
-from app.numerics.index import MapIndex
+from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.matching import fine_places, shortlist
 from app.numerics.offmap import Fit
 from app.numerics.offsets import OffsetPrior, take_offsets
@@ -91,7 +91,7 @@ def _ask(index: MapIndex, model: RoadModel, one: Asked) -> Trial:
         places.take(kept),
         query.weight,
         len(query.fine.weight),
-        _best_fit(index, query, places),
+        _best_fit(index, query, places, one.own),
         stranger_fit,
         query.prior(index),
     )
@@ -104,5 +104,7 @@ def _exchanged_fit(index: MapIndex, names: tuple[str, ...], truth: HeldOut) -> F
     return _best_fit(index, query, fine_places(index, query, shortlist(index, query)))
 
 
-def _best_fit(index: MapIndex, query: Query, places: Places) -> Fit | None:
-    return fit_of_place(index, query, places, int(places.score.argmax()))
+def _best_fit(
+    index: MapIndex, query: Query, places: Places, own: RoadIndex | None = None
+) -> Fit | None:
+    return fit_of_place(index, query, places, int(places.score.argmax()), own=own)

@@ -39,11 +39,13 @@ class Asked:
     Attributes:
         road: Number of the road.
         places: Scores do not hold offsets yet; values have a residual and a weight of each group.
+        own: That road, as its curves without the window's day have it.
     """
 
     road: int
     truth: HeldOut
     places: Places
+    own: RoadIndex
 
 
 def held_out_windows(models: Sequence[RoadModel]) -> list[tuple[int, HeldOut]]:
@@ -85,7 +87,7 @@ def ask_at_home(
             laid = ((number, truth.fold), index.road_with(number, model))
         names = tuple(models[number].cells[column] for column in truth.cells.tolist())
         query = prepare(names, (), truth.distance_m, truth.rsrp_dbm, index.groups(names))
-        found.append(Asked(number, truth, _places(laid[1], query, truth)))
+        found.append(Asked(number, truth, _places(laid[1], query, truth), laid[1]))
     return found
 
 

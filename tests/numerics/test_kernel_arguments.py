@@ -48,6 +48,10 @@ def arguments(seed: int) -> dict[str, list[object]]:
             1.9,
             1.0,
         ],
+        "this_road": [
+            *(*over_road, road.along.rows, 3, 0.4, -1, 1.0, 1.4, 100.0, 36.0, 20.0, 3.0, 0.8),
+            *(100.0, 64.0, 20.0, 9.0, 1.9, terms),
+        ],
         "tape": [
             *(
                 *over_tape,

@@ -61,7 +61,8 @@ def parted(learnt):
 
 def half_way(per_reading, weight):
     """A fit of so many readings whose levels are half as probable on any road, by the logarithm."""
-    return Fit(per_reading, 0.0, score=weight * per_reading, elsewhere=0.5 * weight)
+    score, elsewhere = weight * per_reading, 0.5 * weight
+    return Fit(per_reading, 0.0, score=score, elsewhere=elsewhere, factor=score - elsewhere)
 
 
 def trials_with_offsets(seed: int, *, measured: bool):
@@ -114,20 +115,23 @@ def test_a_window_that_fits_any_road_is_likelier_off_the_map():
 
 
 def test_where_samples_err_apart_a_bayes_factor_decides():
-    """Classes that any term parts teach one slope of both its sides, and nothing of other areas."""
+    """Classes that any term parts teach its slope, which is 1 by theory, and of no other term."""
     rng = np.random.default_rng(7)
     trials = []
     for _ in range(300):
         elsewhere, size = float(rng.normal(20.0, 5.0)), float(np.exp(rng.uniform(0.0, 2.0)))
-        on = Fit(1.0, 0.1, score=elsewhere + 30.0 + 3.0 * rng.normal(), elsewhere=elsewhere)
-        off = Fit(-9.0, 5.0, score=elsewhere - 90.0 + 30.0 * rng.normal(), elsewhere=elsewhere)
+        good, bad = 30.0 + 3.0 * rng.normal(), -90.0 + 30.0 * rng.normal()
+        on, off = (
+            Fit(per_reading, offset_db, score=elsewhere + by, elsewhere=elsewhere, factor=by)
+            for per_reading, offset_db, by in ((1.0, 0.1, good), (-9.0, 5.0, bad))
+        )
         one = trial(rng, 10, 10.0)
         trials.append(replace(one, weight=size, samples=99, fit=on, stranger_fit=off))
-    constant, per_reading, size, growing, strange, score, other = _log_odds(trials, APART)
+    constant, per_reading, *others, factor = _log_odds(trials, APART)
     assert constant != 0.0
     assert per_reading > 0.0
-    assert size == growing == strange == 0.0
-    assert score == -other > 0.0
+    assert others == [0.0] * 5
+    assert factor == pytest.approx(1.0, abs=0.2)
 
 
 def test_few_windows_that_err_together_decide_nothing():

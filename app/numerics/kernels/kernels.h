@@ -137,8 +137,19 @@ typedef struct {
 
 /* The law of levels along any road: app.numerics.elsewhere. */
 typedef struct {
-    double mean_db2, field_db2, field_m, noise_db2, reading_log, temperature;
+    double mean_db2, field_db2, field_m, noise_db2, reading_log;
 } Field;
+
+/* Other laws of a window's levels: app.numerics.this_road. */
+typedef struct {
+    double drift_db2, drift_m, shadowing_db2, shadowing_m, background_log, temperature;
+} Laws;
+
+/* A place on a road: so far from grid position `low` to the next. */
+typedef struct {
+    ptrdiff_t low, sign;
+    double share, step_m;
+} OnRoad;
 
 /* evidence.c */
 ptrdiff_t count_stretches(const double *distance_m, ptrdiff_t samples, double step_m);
@@ -149,7 +160,11 @@ void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t
 
 /* elsewhere.c */
 int weigh_elsewhere(const double *block, ptrdiff_t samples, ptrdiff_t cells, const Field *field,
-                    double *log_evidence);
+                    double temperature, double *log_evidence);
+
+/* this_road.c */
+int weigh_this_road(const Told *told, const Along *along, const OnRoad *at, const Laws *laws,
+                    const Field *field, const Likelihood *devices, double found[3]);
 
 /* tape.c */
 int score_tape(const Told *told, const Tape *tape, const int64_t *positions, ptrdiff_t count,

@@ -54,6 +54,17 @@ static PyObject *evidence(PyObject *self, PyObject *const *arguments, Py_ssize_t
     return release(&call, call.failed ? NULL : PyLong_FromSsize_t(stretches));
 }
 
+static Field any_field(Call *call)
+{
+    Field field;
+    field.mean_db2 = number(call);
+    field.field_db2 = number(call);
+    field.field_m = number(call);
+    field.noise_db2 = number(call);
+    field.reading_log = number(call);
+    return field;
+}
+
 static PyObject *elsewhere(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
 {
     Call call;
@@ -63,19 +74,44 @@ static PyObject *elsewhere(PyObject *self, PyObject *const *arguments, Py_ssize_
     Py_ssize_t room[1] = {-1};
     const double *block = array(&call, 'd', READ, 1, room);
     ptrdiff_t samples = whole(&call), cells = whole(&call);
-    Field field;
-    field.mean_db2 = number(&call);
-    field.field_db2 = number(&call);
-    field.field_m = number(&call);
-    field.noise_db2 = number(&call);
-    field.reading_log = number(&call);
-    field.temperature = number(&call);
+    Field field = any_field(&call);
+    double temperature = number(&call);
     demand(&call, samples >= 1 && cells >= 0 && cells < room[0] && 2 + 2 * cells <= room[0] / samples,
            "the block holds fewer numbers");
     double log_evidence = 0.0;
     if (!call.failed)
-        check(&call, weigh_elsewhere(block, samples, cells, &field, &log_evidence));
+        check(&call, weigh_elsewhere(block, samples, cells, &field, temperature, &log_evidence));
     return release(&call, call.failed ? NULL : PyFloat_FromDouble(log_evidence));
+}
+
+static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 21))
+        return NULL;
+    Told window = told(&call);
+    Along profile = along(&call, 'r');
+    OnRoad at;
+    at.low = whole(&call);
+    at.share = number(&call);
+    at.sign = whole(&call);
+    at.step_m = number(&call);
+    Laws laws;
+    laws.drift_db2 = number(&call);
+    laws.drift_m = number(&call);
+    laws.shadowing_db2 = number(&call);
+    laws.shadowing_m = number(&call);
+    laws.background_log = number(&call);
+    laws.temperature = number(&call);
+    Field field = any_field(&call);
+    Likelihood devices = likelihood(&call);
+    demand(&call, at.sign == 1 || at.sign == -1, "not a direction");
+    demand(&call, 0 <= at.low && at.low < profile.columns - 3, "beyond the road");
+    double found[3] = {0.0, 0.0, 0.0};
+    if (!call.failed)
+        check(&call, weigh_this_road(&window, &profile, &at, &laws, &field, &devices, found));
+    return release(&call, call.failed ? NULL : Py_BuildValue("ddd", found[0], found[1], found[2]));
 }
 
 static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
@@ -394,14 +430,14 @@ static PyMethodDef methods[] = {
     KERNEL(heaviest),      KERNEL(rest),     KERNEL(stretch), KERNEL(rows),    KERNEL(redrawn),
     KERNEL(summary),       KERNEL(joined),   KERNEL(gains),
     {"stretches_about", (PyCFunction)(void (*)(void))stretches_about_places, METH_FASTCALL, NULL},
-    KERNEL(under_factors), KERNEL(elsewhere),
+    KERNEL(under_factors), KERNEL(elsewhere), KERNEL(this_road),
     {NULL, NULL, 0, NULL},
 };
 
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 14);
+    return PyModule_AddIntConstant(module, "VERSION", 15);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

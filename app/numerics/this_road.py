@@ -1,0 +1,150 @@
+"""
+Whether a window's levels are this road's: a Bayes factor at the place where it fits best.
+
+Scores of places count readings as if each erred for itself. Against other roads that says too
+little and too much: what has changed since the survey changes slowly along the road, and so does
+the shadowing of a road that is another. Here the same readings meet three laws:
+
+    this road   y = mu(s) + offset + drift + noise
+    another     y = mean of mu(s) over the window + offset + shadowing + noise
+    any road    see `app.numerics.elsewhere`
+
+with drift ``N(0, DRIFT_SD_DB^2 exp(-d / DRIFT_M))`` and shadowing likewise, each of a cell's own,
+and noise ``N(0, sigma(s)^2)``. Another road is one of the same means: of a city that has the same
+cell names and sites. The factor is the first law's likelihood over that of a mixture of the others
+and of none (`app.numerics.elsewhere.or_featureless`). Cells that the road has not mapped, and
+readings from beyond its ends, say nothing here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from app.numerics import native, native_laws
+from app.numerics.elsewhere import Field, filtered, of_any_road, or_featureless
+from app.numerics.index import RoadIndex
+from app.numerics.observation import BACKGROUND_SPAN_DB, TERMS
+from app.numerics.offsets import OffsetPrior, take_offsets
+from app.numerics.query import Query
+
+# Chosen on windows of `harsh` and `paper`, seeds 601 to 608: twice or half matters little.
+DRIFT = Field(1.2, 100.0)
+SHADOWING = Field(6.0, 20.0)
+ANOTHER = 0.01  # how often a stranger's means are the road's own
+BACKGROUND_LOG = math.log(BACKGROUND_SPAN_DB) - 0.5 * math.log(2.0 * math.pi)
+
+
+class OnRoad(NamedTuple):
+    """
+    A place on a road, as the kernels take it.
+
+    Attributes:
+        low: Grid position below it, with another one above.
+        share: Of the way to that.
+        sign: +1 for travel towards growing chainage, else -1.
+        step_m: Of the road's grid.
+    """
+
+    low: int
+    share: float
+    sign: int
+    step_m: float
+
+    @classmethod
+    def of(cls, road: RoadIndex, sign: int, chainage_m: float) -> OnRoad:
+        """Where a chainage lies on a road."""
+        at = chainage_m / road.step_m
+        low = min(int(at), road.grid_size - 2)
+        return cls(low, min(at - low, 1.0), sign, road.step_m)
+
+
+def log_factor(
+    query: Query, road: RoadIndex, sign: int, chainage_m: float, prior: OffsetPrior
+) -> float:
+    """
+    Log of how much more probable a window's levels are on this road than on others.
+
+    Args:
+        sign, chainage_m: Where on the road it fits best.
+        prior: Of the device's offset, for this window.
+    """
+    at, temperature = OnRoad.of(road, sign, chainage_m), min(prior.temperature, 1.0)
+    devices = prior.at(max(prior.temperature, 1.0))
+    if query.told is None:
+        here, another, any_road = log_likelihoods(query, road, at, temperature, devices)
+    else:
+        fields = (DRIFT.sd_db**2, DRIFT.length_m, SHADOWING.sd_db**2, SHADOWING.length_m)
+        here, another, any_road = native_laws.log_likelihoods(
+            query.aimed(query.told, road.column),
+            road.along.rows,
+            at,
+            (*fields, BACKGROUND_LOG, temperature),
+            native.likelihood(devices),
+        )
+    any_road, another = math.log1p(-ANOTHER) + any_road, math.log(ANOTHER) + another
+    others = max(any_road, another) + math.log1p(math.exp(-abs(any_road - another)))
+    return here - or_featureless(others)
+
+
+def log_likelihoods(
+    query: Query, road: RoadIndex, at: OnRoad, temperature: float, devices: OffsetPrior
+) -> tuple[float, float, float]:
+    """
+    Of the levels on this road, on another and on any, against the background.
+
+    Args:
+        temperature: Of the window, 1 at most: each reading counts for its weight over it.
+        devices: What the device's offset may be, where readings count for so much.
+    """
+    seen = query.fine
+    mean_db, precision = _expected(query, road, at)
+    count = np.where(precision > 0.0, seen.heard * (seen.weight[:, None] / temperature), 0.0)
+    noise = count * (BACKGROUND_LOG + 0.5 * np.log(np.where(precision > 0.0, precision, 1.0)))
+    about_db = (count * mean_db).sum(axis=0) / np.maximum(count.sum(axis=0), 1e-9)
+    here, another = (
+        float(noise.sum()) + _settled(query, expected_db, count * precision, field, devices)
+        for expected_db, field in ((mean_db, DRIFT), (about_db, SHADOWING))
+    )
+    return here, another, of_any_road(seen.behind_m, seen.rsrp_db, count)
+
+
+def _expected(
+    query: Query, road: RoadIndex, at: OnRoad
+) -> tuple[Float[np.ndarray, "samples cells"], Float[np.ndarray, "samples cells"]]:
+    """Level above the centre and precision of every reading; 0 where the road expects none."""
+    behind = np.rint(query.fine.behind_m / road.step_m).astype(np.intp)
+    column = at.low + 1 - at.sign * behind
+    inside = (column >= 1) & (column < road.grid_size)
+    low = np.where(inside, column, 1)
+    numbers = np.array(query.numbers(road.column), dtype=np.intp)
+    row = np.where(numbers >= 0, numbers, 0) * TERMS
+    (here, there), (here_db, there_db) = (
+        [road.along.rows[row + term, (low + step)[:, None]].astype(float) for step in (0, 1)]
+        for term in (0, 1)
+    )
+    mapped = inside[:, None] & (numbers >= 0) & (here > 0.0) & (there > 0.0)
+    here, there = np.where(mapped, here, 1.0), np.where(mapped, there, 1.0)
+    level_db = here_db / here + at.share * (there_db / there - here_db / here)
+    precision = here + at.share * (there - here)
+    return np.where(mapped, level_db, 0.0), np.where(mapped, precision, 0.0)
+
+
+def _settled(
+    query: Query,
+    expected_db: Float[np.ndarray, "..."],
+    precision: Float[np.ndarray, "samples cells"],
+    field: Field,
+    devices: OffsetPrior,
+) -> float:
+    """Log likelihood of a field about what is expected, offsets integrated out."""
+    seen = query.fine
+    sums = filtered(seen.behind_m, seen.rsrp_db - expected_db, precision, field)
+    groups = np.zeros((int(query.group.max(initial=0)) + 1, 2, 1))
+    np.add.at(groups[:, 0, 0], query.group, sums.residual)
+    np.add.at(groups[:, 1, 0], query.group, sums.weight)
+    gain = take_offsets(groups.reshape(-1, 1), devices).gain
+    return float(gain[0]) - 0.5 * float((sums.squares + sums.log).sum())
