@@ -7,7 +7,14 @@ from jaxtyping import Float
 
 from app.domain import Candidate, Direction, Fix
 from app.numerics.index import MapIndex, RoadIndex
-from app.numerics.offmap import Fit, best_fit, err_apart, off_map_probability
+from app.numerics.offmap import (
+    ELSEWHERE,
+    FACTOR,
+    Fit,
+    best_fit,
+    err_apart,
+    off_map_probability,
+)
 from app.numerics.offsets import offset_db
 from app.numerics.posterior import APART, RESIDUAL, SCORE, Places
 from app.numerics.query import Query
@@ -89,14 +96,16 @@ def fit_of_place(
     """
     if not query.cells:
         return None
-    score, residual, weight, apart = places.values[SCORE:, place].tolist()
-    sums = (score - raised_by, residual, weight, apart)
-    prior, elsewhere, factor = query.prior(index), query.elsewhere(index.calibration), 0.0
-    if err_apart(index.calibration):
+    score, *offsets = places.values[SCORE:, place].tolist()
+    prior, calibration, elsewhere, factor = query.prior(index), index.calibration, 0.0, 0.0
+    alone = err_apart(calibration)
+    if not alone or any(calibration.off_map[ELSEWHERE:FACTOR]):  # only older maps ask for both
+        elsewhere = query.elsewhere(calibration)
+    if alone:
         number, sign = places.where[:, place].tolist()
         road = own if own is not None and own.number == number else index.roads[number]
         factor = log_factor(query, road, sign, float(places.chainage_m[place]), prior)
-    return best_fit(sums, prior, query.fine, elsewhere, factor)
+    return best_fit((score - raised_by, *offsets), prior, query.fine, elsewhere, factor)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

@@ -39,13 +39,13 @@ class Asked:
     Attributes:
         road: Number of the road.
         places: Scores do not hold offsets yet; values have a residual and a weight of each group.
-        own: That road, as its curves without the window's day have it.
+        own: That road, as its curves without the window's day have it; None = as the map has it.
     """
 
     road: int
     truth: HeldOut
     places: Places
-    own: RoadIndex
+    own: RoadIndex | None = None
 
 
 def held_out_windows(models: Sequence[RoadModel]) -> list[tuple[int, HeldOut]]:
@@ -87,7 +87,8 @@ def ask_at_home(
             laid = ((number, truth.fold), index.road_with(number, model))
         names = tuple(models[number].cells[column] for column in truth.cells.tolist())
         query = prepare(names, (), truth.distance_m, truth.rsrp_dbm, index.groups(names))
-        found.append(Asked(number, truth, _places(laid[1], query, truth), laid[1]))
+        own = laid[1] if truth.measured else None
+        found.append(Asked(number, truth, _places(laid[1], query, truth), own))
     return found
 
 
