@@ -29,6 +29,7 @@ def explanation_document(index: MapIndex, window: Window, fix: Fix) -> Document:
         "cells": [_cell(told, one) for one in told.shares],
         "fit": told.fit,
         "any_road": told.any_road,
+        "this_road": told.this_road,
         "samples": _samples(told),
         "not_heard": [
             {"cell": cell, "hearing": hearing, "contribution": told.answer.told.silent[cell]}

@@ -20,8 +20,10 @@ from app.numerics.expected import Expected, expected
 from app.numerics.features import feature_matrix
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex
+from app.numerics.offmap import err_apart
 from app.numerics.query import Query, ask
 from app.numerics.rivals import answered_place, runner_up
+from app.numerics.this_road import log_factor
 
 EXPECTED_FROM = 0.5  # a cell this probable at the answer's place, and never heard, is missing
 VARIANCE, DIFFERENCE = FEATURE_KINDS.index("variance"), FEATURE_KINDS.index("mean_difference")
@@ -99,6 +101,8 @@ class Explanation:
         features: The window's own. Shape ``(5, cells)``.
         fit: How well the window fits at the answer's place, nats a reading; None without cells.
         any_road: How probable its levels are on a road of which nothing is known, likewise.
+        this_road: Log of how much more probable they are here than on others, what readings share
+            counted (`app.numerics.this_road`); None without cells, and where samples err together.
     """
 
     cells: tuple[str, ...]
@@ -114,6 +118,7 @@ class Explanation:
     reference: str | None
     fit: float | None
     any_road: float | None
+    this_road: float | None
 
     @property
     def difference(self) -> float:
@@ -173,6 +178,7 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
         any_road=or_featureless(log_evidence(query.fine)) / _readings(query)
         if query.cells
         else None,
+        this_road=_factor(index, query, here),
     )
 
 
@@ -262,6 +268,14 @@ def _fit(query: Query, told: Contributions) -> float:
     """`app.numerics.offmap.Fit.per_reading` at the place."""
     free = 0.5 * told.residual**2 / max(told.weight, 1e-6)
     return (told.score - told.gain + free) / _readings(query)
+
+
+def _factor(index: MapIndex, query: Query, place: Place) -> float | None:
+    """`app.numerics.offmap.Fit.factor` at the place, where it counts."""
+    if not (query.cells and err_apart(index.calibration)):
+        return None
+    road, prior = index.roads[place.road], query.prior(index)
+    return log_factor(query, road, place.sign, place.chainage_m, prior)
 
 
 def _readings(query: Query) -> float:

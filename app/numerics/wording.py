@@ -118,10 +118,17 @@ def expected_share(told: Explanation, account: Account, cell: str) -> float:
 def _misfit(told: Explanation, fix: Fix) -> str:
     return (
         f"The window fits no road, not even where it fits best, {_place(told.answer)}: with "
-        f"{told.fit:.2f} nats a reading, where its levels have {told.any_road:.2f} on any road, "
+        f"{told.fit:.2f} nats a reading, where its levels have {told.any_road:.2f} on any road"
+        f"{_shared(told)}, "
         f"and a device {fix.device_offset_db:+.1f} dB from the surveys' it is off the map with "
         f"probability {fix.off_map_posterior:.3f}."
     )
+
+
+def _shared(told: Explanation) -> str:
+    if told.this_road is None:
+        return ""
+    return f" (with what readings share, {told.this_road:+.1f} nats in all for this road)"
 
 
 def _astray(told: Explanation) -> list[str]:

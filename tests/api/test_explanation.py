@@ -95,6 +95,7 @@ def test_a_window_of_unknown_cells_is_explained(shared: Service):
     assert told["explanation"]["samples"]["cells"] == []
     assert told["explanation"]["fit"] is None
     assert told["explanation"]["any_road"] is None
+    assert told["explanation"]["this_road"] is None
 
 
 def test_a_tracked_fix_is_explained_by_its_window(shared: Service):

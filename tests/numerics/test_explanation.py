@@ -205,7 +205,14 @@ def test_off_the_map_the_cell_astray_is_named():
     assert fix.off_map
     said = sentences(explain(index, window, fix), fix)
     assert said[0].startswith("The window fits no road")
-    assert f"its levels have {explain(index, window, fix).any_road:.2f} on any road" in said[0]
+    told = explain(index, window, fix)
+    assert f"its levels have {told.any_road:.2f} on any road" in said[0]
+    assert told.this_road < 0.0
+    assert f"{told.this_road:+.1f} nats in all for this road" in said[0]
+    together = index.recalibrated(replace(index.calibration, information_each=0.1))
+    told = explain(together, window, fix)
+    assert told.this_road is None
+    assert "what readings share" not in sentences(told, fix)[0]
     # Held against the place where it was driven, whatever else it was held against.
     told = explain(index, window, replace(here, off_map=True))
     said = sentences(told, replace(here, off_map=True))
@@ -223,6 +230,7 @@ def test_a_window_of_unknown_cells_says_so():
     assert told.cells == ()
     assert told.fit is None
     assert told.any_road is None
+    assert told.this_road is None
     assert told.residual_db.shape == (3, 0)
     assert told.features.shape == (5, 0)
     assert sentences(told, fix)[0].startswith("None of the window's cells is on the map")

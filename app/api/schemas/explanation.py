@@ -121,6 +121,10 @@ class ExplanationDocument(BaseModel):
         description="How probable its levels are on a road of which nothing is known, nats a "
         "reading: of a window off the map hardly less than they are at the answer."
     )
+    this_road: float | None = Field(
+        description="Log of how much more probable its levels are at the answer than on other "
+        "roads, what readings share counted, nats in all; null where samples err together."
+    )
     samples: ExplainedSamples
     not_heard: list[MissingCell] = Field(description="The most probable first.")
     reference_cell: str | None = Field(
