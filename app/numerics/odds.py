@@ -14,6 +14,7 @@ from app.numerics.geodesy import Floats
 from app.numerics.offmap import (
     ELSEWHERE,
     FACTOR,
+    FIT,
     GROWING,
     OFF_MAP_PRIOR,
     SCORE,
@@ -31,6 +32,7 @@ ENOUGH_TO_PART = 200  # windows: three roads'; a road or two tell little of what
 QUARTERS = (0.31864, 1.15035)  # middles of the two halves of |N(0, 1)|
 RIDGE = 3e-5  # next to nothing: it only stops classes that do not overlap from parting for ever
 FACTOR_RIDGE = 1e-4  # likewise, of a Bayes factor's slope, which is 1 if its laws are right
+FIT_RIDGE = 1e-3  # of the fit beside it: drawn windows fit better than any that are driven
 # Terms that are not learnt where samples err together, and where each errs for itself
 TOGETHER, APART = [GROWING, FACTOR], [SIZE, GROWING, STRANGE, SCORE, ELSEWHERE]
 # Of 17 streets driven twice, each day asked of the other: `benchmarks.first_night --constants`
@@ -89,6 +91,7 @@ def _log_odds(trials: Sequence[Trial], learnt: Calibration) -> tuple[float, ...]
     ridge[0] *= 1e-6
     if apart:
         usual[FACTOR], ridge[FACTOR] = scale[FACTOR], FACTOR_RIDGE / scale[FACTOR] ** 2
+        ridge[FIT] = FIT_RIDGE
     theta = _newton(design, label, weight, known, (usual, ridge))
     strange = float(np.clip(theta[STRANGE], -scale[STRANGE], 0.0))
     if strange != theta[STRANGE]:

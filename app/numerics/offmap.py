@@ -20,7 +20,7 @@ from app.numerics.offsets import APART_SHARE, OffsetPrior, offset_gain_at
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
 TYPICAL_DB = 1.0  # devices of one kind differ by about so much
 # Which of `off_map_terms` is what; only older maps have learnt the one that grows with size
-SIZE, GROWING, STRANGE, SCORE, ELSEWHERE, FACTOR = 2, 3, 4, 5, 6, 7
+FIT, SIZE, GROWING, STRANGE, SCORE, ELSEWHERE, FACTOR = range(1, 8)
 # Samples of 100 m, weight 10, err each for itself if they say as much as 6; real ones say up to 5
 TYPICAL_WEIGHT, INDEPENDENT = 10.0, 6.0
 OFF_MAP_PRIOR = 0.02  # share of windows from roads that the map lacks: decision 17
