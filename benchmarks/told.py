@@ -70,7 +70,7 @@ def told(city: City) -> Iterator[tuple[str, MapIndex, float | None]]:
     yield "odometers", index, scenario.odometer_error_sd
     changed = MapIndex.build(RadioMap(1, tuple(models), index.calibration))
     apart = 1.0 if scenario.drift_db > 0.0 else NEVER
-    changed.offset_prior = replace(changed.offset_prior, apart=apart)
+    changed.offset_prior = changed.offset_prior._replace(apart=apart)
     yield "odometers and changes", changed, scenario.odometer_error_sd
 
 

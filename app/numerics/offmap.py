@@ -9,9 +9,8 @@ the map and windows that the map cannot know, see `app.numerics.odds`.
 from __future__ import annotations
 
 import math
+from operator import mul
 from typing import NamedTuple
-
-import numpy as np
 
 from app.domain import Calibration
 from app.numerics.observation import Evidence
@@ -113,7 +112,7 @@ def best_fit(
     """
     score, residual, weight, apart = sums
     weight = max(weight, 1e-6)
-    readings = max(float((seen.weight @ seen.heard).sum()), 1e-6)
+    readings = max(sum((seen.weight @ seen.heard).tolist()), 1e-6)
     offset_db = residual / weight
     return Fit(
         per_reading=(score + _offset_cost(offset_db, weight, prior)) / readings,
@@ -138,7 +137,7 @@ def off_map_probability(calibration: Calibration, fit: Fit | None, information: 
     if fit is None:
         return 1.0 - 1e-6
     known = calibration.off_map
-    log_odds_on = float(np.dot(known, off_map_terms(fit, information)[: len(known)]))
+    log_odds_on = sum(map(mul, known, off_map_terms(fit, information)))
     if known[FACTOR:] in ((), (0.0,)):  # it pays for changed cells itself
         log_odds_on += known_beforehand(fit)
     return 1.0 / (1.0 + math.exp(min(max(log_odds_on, -30.0), 30.0)))

@@ -20,7 +20,6 @@ would allow offsets ``sqrt(T)`` times as large, and most of what levels say woul
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,8 +31,7 @@ GROUP_OFFSET_SD_DB = 2.0  # of each carrier about the device; chosen on survey p
 APART_SHARE = 0.05  # how often cells of one carrier have changed by as much, each for itself
 
 
-@dataclass(frozen=True, slots=True)
-class OffsetPrior:
+class OffsetPrior(NamedTuple):
     """
     What a device's offset may be: like the surveys' devices, ``N(0, sd^2)``, or any device,
     ``N(0, BROAD_OFFSET_SD_DB^2)``; each part as its variance and the log of its share.
@@ -71,8 +69,7 @@ class OffsetPrior:
 
     def at(self, temperature: float) -> OffsetPrior:
         """The same for a window of this temperature."""
-        like, broad = (self.like_db2, self.like_log), (self.any_db2, self.any_log)
-        return OffsetPrior(*like, *broad, self.group_db2, self.apart, temperature)
+        return OffsetPrior(*self[:-1], temperature)
 
 
 class Taken(NamedTuple):

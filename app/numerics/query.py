@@ -68,6 +68,7 @@ class Query:
     told: native.Told | None = None
     distance_error: float | None = None
     _aims: dict[int, Aim] = field(default_factory=dict)
+    _temperatures: list[tuple[Calibration, float]] = field(default_factory=list)
     _priors: list[OffsetPrior] = field(default_factory=list)
     _terms: list[native.Likelihood] = field(default_factory=list)
     _numbers: dict[Columns, list[int]] = field(default_factory=dict)
@@ -95,8 +96,12 @@ class Query:
         return float(self.fine.weight.sum())
 
     def temperature(self, calibration: Calibration) -> float:
-        """What the window's scores are divided by."""
-        return calibration.temperature(self.weight, len(self.fine.weight))
+        """What the window's scores are divided by; worked out once."""
+        known = self._temperatures
+        if not known or known[-1][0] is not calibration:
+            found = calibration.temperature(self.weight, len(self.fine.weight))
+            known.append((calibration, found))
+        return known[-1][1]
 
     def information(self, calibration: Calibration) -> float:
         """How many independent samples the window is worth."""

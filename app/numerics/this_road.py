@@ -36,6 +36,8 @@ DRIFT = Field(1.2, 100.0)
 SHADOWING = Field(6.0, 20.0)
 ANOTHER = 0.01  # how often a stranger's means are the road's own
 BACKGROUND_LOG = math.log(BACKGROUND_SPAN_DB) - 0.5 * math.log(2.0 * math.pi)
+FIELDS = (DRIFT.sd_db**2, DRIFT.length_m, SHADOWING.sd_db**2, SHADOWING.length_m, BACKGROUND_LOG)
+ANOTHER_LOG, ANY_LOG = math.log(ANOTHER), math.log1p(-ANOTHER)
 
 
 class OnRoad(NamedTuple):
@@ -77,15 +79,14 @@ def log_factor(
     if query.told is None:
         here, another, any_road = log_likelihoods(query, road, at, temperature, devices)
     else:
-        fields = (DRIFT.sd_db**2, DRIFT.length_m, SHADOWING.sd_db**2, SHADOWING.length_m)
         here, another, any_road = native_laws.log_likelihoods(
             query.aimed(query.told, road.column),
             road.along.rows,
             at,
-            (*fields, BACKGROUND_LOG, temperature),
+            (*FIELDS, temperature),
             native.likelihood(devices),
         )
-    any_road, another = math.log1p(-ANOTHER) + any_road, math.log(ANOTHER) + another
+    any_road, another = ANY_LOG + any_road, ANOTHER_LOG + another
     others = max(any_road, another) + math.log1p(math.exp(-abs(any_road - another)))
     return here - or_featureless(others)
 

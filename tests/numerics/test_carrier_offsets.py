@@ -99,7 +99,7 @@ def test_a_louder_carrier_moves_less_than_without_offsets_of_carriers():
     """A vehicle that reads one carrier 4 dB louder is placed nearer to where it would have been."""
     index = gentle(7)
     rigid = copy(index)
-    rigid.offset_prior = dataclasses.replace(index.offset_prior, group_db2=0.0)
+    rigid.offset_prior = index.offset_prior._replace(group_db2=0.0)
     moved_m = {True: 0.0, False: 0.0}
     for seed in range(16):
         asked = window(on_carriers(gentle_models(7))[1], seed, samples=20)
@@ -116,7 +116,7 @@ def test_changed_cells_move_little_where_each_may_have_changed():
     """Six cells of one carrier by 5 dB up or down, each for itself."""
     index, models = map_of(models_of("paper")), models_of("paper")
     rigid = copy(index)
-    rigid.offset_prior = dataclasses.replace(index.offset_prior, apart=1e-12)
+    rigid.offset_prior = index.offset_prior._replace(apart=1e-12)
     moved_m: dict[bool, list[float]] = {True: [], False: []}
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -138,9 +138,9 @@ def test_both_hypotheses_share_the_score_by_their_prior(apart):
     sums = np.stack([rng.normal(0, 9, 50), rng.uniform(0, 4, 50)] * 3)
     known = OffsetPrior.learnt(1.5, carriers=3).at(2.0)
     joined = np.stack([sums[::2].sum(axis=0), sums[1::2].sum(axis=0)])
-    together = take_offsets(joined, dataclasses.replace(known, group_db2=0.0)).gain / 2.0
+    together = take_offsets(joined, known._replace(group_db2=0.0)).gain / 2.0
     alone = take_offsets(sums, known).gain / 2.0
-    mixed = take_offsets(sums, dataclasses.replace(known, apart=apart))
+    mixed = take_offsets(sums, known._replace(apart=apart))
     wanted = np.log((1.0 - apart) * np.exp(together) + apart * np.exp(alone))
     np.testing.assert_allclose(mixed.gain / 2.0, wanted, rtol=1e-9)
     np.testing.assert_allclose(mixed.apart, apart * np.exp(alone - wanted), rtol=1e-9)

@@ -39,9 +39,13 @@ double filter_levels(const Levels *levels, double field_db2, double field_m, Fil
     Spreads spreads = {1.0, 0.0};
     for (ptrdiff_t k = 0; k < levels->cells; k++)
         each[k] = (Filter){.doubt_db2 = field_db2};
+    double last_m = 0.0, share = 1.0; /* most samples lie as far apart as the two before */
     for (ptrdiff_t row = 0; row < levels->samples; row++) {
         double apart_m = row > 0 ? levels->behind_m[row] - levels->behind_m[row - 1] : 0.0;
-        double share = exp(-apart_m / field_m), grown_db2 = (1.0 - share * share) * field_db2;
+        if (apart_m != last_m)
+            share = exp(-apart_m / field_m);
+        last_m = apart_m;
+        double grown_db2 = (1.0 - share * share) * field_db2;
         for (ptrdiff_t k = 0; k < levels->cells; k++) {
             Filter *one = each + k;
             one->level_db *= share;
