@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.domain import Calibration, Window
+from app.domain import Window
 from app.evaluation.scenario import build_city, preset, windows
 from app.numerics.answer import fit_of_place
 from app.numerics.index import MapIndex, RoadIndex
@@ -20,7 +20,7 @@ from app.numerics.offmap import FACTOR, err_apart
 from app.numerics.offsets import OffsetPrior
 from app.numerics.query import Query, ask
 from app.numerics.this_road import DRIFT, SHADOWING, OnRoad, log_factor, log_likelihoods
-from tests.numerics.cities import city_of, index_of, models_of
+from tests.numerics.cities import city_of, index_of
 from tests.numerics.test_native import a_window, built
 from tests.numerics.test_native import index_of as gentle_index
 
@@ -176,9 +176,7 @@ def test_areas_that_err_apart_ask_for_the_factor_and_others_do_not():
 
 def test_strangers_of_another_city_are_told():
     """With the odds that the map has learnt, most are answered off the map, and no window on it."""
-    models = models_of(cells=6)
     index = index_of(cells=6)
-    assert len(models) == len(index.roads)
     abroad = build_city(replace(preset("paper"), cells=6), seed=9)
     refused = [
         np.mean([locate(index, one.window).off_map for one in windows(each, 40, length_m=30.0)])
@@ -186,4 +184,3 @@ def test_strangers_of_another_city_are_told():
     ]
     assert refused[0] == 0.0
     assert refused[1] > 0.9
-    assert Calibration().off_map[FACTOR:] == ()
