@@ -53,7 +53,11 @@ class Fit(NamedTuple):
     factor: float = 0.0
 
     def heard_by(self, offset_db: float, prior: OffsetPrior) -> Fit:
-        """The fit of the same window, had a device of another offset heard it."""
+        """
+        The fit of the same window, had a device of another offset heard it.
+
+        The factor is taken to pay as much for that as the score: what drift might explain is left out.
+        """
         dearer = _offset_cost(offset_db, self.weight, prior)
         dearer -= _offset_cost(self.offset_db, self.weight, prior)
         dearer /= min(prior.temperature, 1.0)

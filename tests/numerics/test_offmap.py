@@ -115,7 +115,7 @@ def test_a_window_that_fits_any_road_is_likelier_off_the_map():
 
 
 def test_where_samples_err_apart_a_bayes_factor_decides():
-    """Classes that any term parts teach its slope, which is 1 by theory, and of no other term."""
+    """Classes that any term parts teach its slope, 1 by theory, and beside it the fit's alone."""
     rng = np.random.default_rng(7)
     trials = []
     for _ in range(300):

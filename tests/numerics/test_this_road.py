@@ -16,11 +16,11 @@ from app.numerics.answer import fit_of_place
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.matching import locate, place
 from app.numerics.observation import BACKGROUND_SPAN_DB, TERMS
-from app.numerics.offmap import FACTOR, err_apart
+from app.numerics.offmap import FACTOR, Fit, err_apart
 from app.numerics.offsets import OffsetPrior
 from app.numerics.query import Query, ask
 from app.numerics.this_road import DRIFT, SHADOWING, OnRoad, log_factor, log_likelihoods
-from tests.numerics.cities import city_of, index_of
+from tests.numerics.cities import city_of, index_of, models_of
 from tests.numerics.test_native import a_window, built
 from tests.numerics.test_native import index_of as gentle_index
 
@@ -143,11 +143,15 @@ def test_the_factor_parts_this_road_from_others_and_from_another_city():
 
 def factor_of(index: MapIndex, window: Window) -> float:
     """At the best place."""
+    return best_fit_of(index, window).factor
+
+
+def best_fit_of(index: MapIndex, window: Window, own: RoadIndex | None = None) -> Fit:
     query = ask(index, window)
     places = place(index, query).places
-    fit = fit_of_place(index, query, places, int(places.score.argmax()))
+    fit = fit_of_place(index, query, places, int(places.score.argmax()), own=own)
     assert fit is not None
-    return fit.factor
+    return fit
 
 
 def test_what_has_drifted_is_still_this_road():
@@ -172,6 +176,29 @@ def test_areas_that_err_apart_ask_for_the_factor_and_others_do_not():
     window = next(iter(windows(city_of(cells=6), 1, length_m=30.0))).window
     assert factor_of(index, window) != 0.0
     assert factor_of(index.recalibrated(together), window) == 0.0
+
+
+def test_older_maps_that_learnt_the_evidence_still_ask_for_it():
+    """Seven terms, of before the factor: what they were learnt with is weighed, and only then."""
+    index = index_of(cells=6)
+    window = next(iter(windows(city_of(cells=6), 1, length_m=30.0))).window
+    older = replace(index.calibration, off_map=(0.5, 2.0, 0.0, 0.0, 0.0, 0.4, -0.4))
+    assert best_fit_of(index.recalibrated(older), window).elsewhere != 0.0
+    assert best_fit_of(index, window).elsewhere == 0.0
+
+
+def test_a_held_out_window_meets_its_road_without_its_day():
+    """Given a road in the map's place, the factor is of that; of another number, of the map's."""
+    index, models = index_of(cells=6), models_of(cells=6)
+    one = next(iter(windows(city_of(cells=6), 1, length_m=30.0)))
+    number = index.road_ids.index(one.truth.road_id)
+    turned = replace(models[number], mean_dbm=models[number].mean_dbm[::-1])
+    fits = [
+        best_fit_of(index, one.window, index.road_with(at, turned)).factor
+        for at in (number, (number + 1) % len(models))
+    ]
+    assert fits[0] < fits[1] - 50.0
+    assert fits[1] == factor_of(index, one.window)
 
 
 def test_strangers_of_another_city_are_told():
