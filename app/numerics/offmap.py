@@ -56,7 +56,8 @@ class Fit(NamedTuple):
         """
         The fit of the same window, had a device of another offset heard it.
 
-        The factor is taken to pay as much for that as the score: what drift might explain is left out.
+        The factor is taken to pay as much for that as the score: that drift might explain a part
+        is left out.
         """
         dearer = _offset_cost(offset_db, self.weight, prior)
         dearer -= _offset_cost(self.offset_db, self.weight, prior)
