@@ -50,6 +50,8 @@ def this_road(
     step_m: float,
     drift_db2: float,
     drift_m: float,
+    much_drift_db2: float,
+    much_drift_m: float,
     shadowing_db2: float,
     shadowing_m: float,
     background_log: float,
@@ -61,7 +63,7 @@ def this_road(
     reading_log: float,
     devices: Likelihood,
     /,
-) -> tuple[float, float, float]: ...
+) -> tuple[float, float, float, float]: ...
 def tape(
     block: Floats,
     samples: int,

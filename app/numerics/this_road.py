@@ -9,11 +9,12 @@ the shadowing of a road that is another. Here the same readings meet three laws:
     another     y = mean of mu(s) over the window + offset + shadowing + noise
     any road    see `app.numerics.elsewhere`
 
-with drift ``N(0, DRIFT_SD_DB^2 exp(-d / DRIFT_M))`` and shadowing likewise, each of a cell's own,
-and noise ``N(0, sigma(s)^2)``. Another road is one of the same means: of a city that has the same
-cell names and sites. The factor is the first law's likelihood over that of a mixture of the others
-and of none (`app.numerics.elsewhere.or_featureless`). Cells that the road has not mapped, and
-readings from beyond its ends, say nothing here.
+with drift ``N(0, sd^2 exp(-d / length))`` and shadowing likewise, each of a cell's own, and noise
+``N(0, sigma(s)^2)``. How much has drifted since the survey nobody knows beforehand: mostly little,
+now and then much. Another road is one of the same means: of a city that has the same cell names and
+sites. The factor is the first law's likelihood over that of a mixture of the others and of none
+(`app.numerics.elsewhere.or_featureless`). Cells that the road has not mapped, and readings from
+beyond its ends, say nothing here.
 """
 
 from __future__ import annotations
@@ -33,11 +34,43 @@ from app.numerics.query import Query
 
 # Chosen on windows of `harsh` and `paper`, seeds 601 to 608: twice or half matters little.
 DRIFT = Field(1.2, 100.0)
+MUCH_DRIFT = Field(3.0, 100.0)
 SHADOWING = Field(6.0, 20.0)
+MUCH = 0.1  # how often an area has drifted much
 ANOTHER = 0.01  # how often a stranger's means are the road's own
 BACKGROUND_LOG = math.log(BACKGROUND_SPAN_DB) - 0.5 * math.log(2.0 * math.pi)
-FIELDS = (DRIFT.sd_db**2, DRIFT.length_m, SHADOWING.sd_db**2, SHADOWING.length_m, BACKGROUND_LOG)
+KERNEL_LAWS = (
+    *(x for field in (DRIFT, MUCH_DRIFT, SHADOWING) for x in (field.sd_db**2, field.length_m)),
+    BACKGROUND_LOG,
+)
+MUCH_LOG, LITTLE_LOG = math.log(MUCH), math.log1p(-MUCH)
 ANOTHER_LOG, ANY_LOG = math.log(ANOTHER), math.log1p(-ANOTHER)
+
+
+class Likelihoods(NamedTuple):
+    """
+    Logs of how probable levels are under each law, against the background.
+
+    Attributes:
+        here, drifted: On this road, drifted little and much.
+        another: On another road of the same means.
+        any_road: On any.
+    """
+
+    here: float
+    drifted: float
+    another: float
+    any_road: float
+
+    @property
+    def log_factor(self) -> float:
+        """Of this road against the others."""
+        here = _either(LITTLE_LOG + self.here, MUCH_LOG + self.drifted)
+        return here - or_featureless(_either(ANY_LOG + self.any_road, ANOTHER_LOG + self.another))
+
+
+def _either(one: float, other: float) -> float:
+    return max(one, other) + math.log1p(math.exp(-abs(one - other)))
 
 
 class OnRoad(NamedTuple):
@@ -77,25 +110,25 @@ def log_factor(
     at, temperature = OnRoad.of(road, sign, chainage_m), min(prior.temperature, 1.0)
     devices = prior.at(max(prior.temperature, 1.0))
     if query.told is None:
-        here, another, any_road = log_likelihoods(query, road, at, temperature, devices)
+        found = log_likelihoods(query, road, at, temperature, devices)
     else:
-        here, another, any_road = native_laws.log_likelihoods(
-            query.aimed(query.told, road.column),
-            road.along.rows,
-            at,
-            (*FIELDS, temperature),
-            native.likelihood(devices),
+        found = Likelihoods(
+            *native_laws.log_likelihoods(
+                query.aimed(query.told, road.column),
+                road.along.rows,
+                at,
+                (*KERNEL_LAWS, temperature),
+                native.likelihood(devices),
+            )
         )
-    any_road, another = ANY_LOG + any_road, ANOTHER_LOG + another
-    others = max(any_road, another) + math.log1p(math.exp(-abs(any_road - another)))
-    return here - or_featureless(others)
+    return found.log_factor
 
 
 def log_likelihoods(
     query: Query, road: RoadIndex, at: OnRoad, temperature: float, devices: OffsetPrior
-) -> tuple[float, float, float]:
+) -> Likelihoods:
     """
-    Of the levels on this road, on another and on any, against the background.
+    What each law makes of the levels.
 
     Args:
         temperature: Of the window, 1 at most: each reading counts for its weight over it.
@@ -106,11 +139,11 @@ def log_likelihoods(
     count = np.where(precision > 0.0, seen.heard * (seen.weight[:, None] / temperature), 0.0)
     noise = count * (BACKGROUND_LOG + 0.5 * np.log(np.where(precision > 0.0, precision, 1.0)))
     about_db = (count * mean_db).sum(axis=0) / np.maximum(count.sum(axis=0), 1e-9)
-    here, another = (
+    here, drifted, another = (
         float(noise.sum()) + _settled(query, expected_db, count * precision, field, devices)
-        for expected_db, field in ((mean_db, DRIFT), (about_db, SHADOWING))
+        for expected_db, field in ((mean_db, DRIFT), (mean_db, MUCH_DRIFT), (about_db, SHADOWING))
     )
-    return here, another, of_any_road(seen.behind_m, seen.rsrp_db, count)
+    return Likelihoods(here, drifted, another, of_any_road(seen.behind_m, seen.rsrp_db, count))
 
 
 def _expected(

@@ -88,7 +88,7 @@ static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 21))
+    if (!begin(&call, arguments, given, 23))
         return NULL;
     Told window = told(&call);
     Along profile = along(&call, 'r');
@@ -100,6 +100,8 @@ static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_
     Laws laws;
     laws.drift_db2 = number(&call);
     laws.drift_m = number(&call);
+    laws.much_drift_db2 = number(&call);
+    laws.much_drift_m = number(&call);
     laws.shadowing_db2 = number(&call);
     laws.shadowing_m = number(&call);
     laws.background_log = number(&call);
@@ -108,10 +110,12 @@ static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_
     Likelihood devices = likelihood(&call);
     demand(&call, at.sign == 1 || at.sign == -1, "not a direction");
     demand(&call, 0 <= at.low && at.low < profile.columns - 3, "beyond the road");
-    double found[3] = {0.0, 0.0, 0.0};
+    double found[4] = {0.0, 0.0, 0.0, 0.0};
     if (!call.failed)
         check(&call, weigh_this_road(&window, &profile, &at, &laws, &field, &devices, found));
-    return release(&call, call.failed ? NULL : Py_BuildValue("ddd", found[0], found[1], found[2]));
+    return release(&call, call.failed ? NULL
+                                      : Py_BuildValue("dddd", found[0], found[1], found[2],
+                                                      found[3]));
 }
 
 static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
@@ -437,7 +441,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 15);
+    return PyModule_AddIntConstant(module, "VERSION", 16);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

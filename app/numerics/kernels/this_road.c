@@ -95,7 +95,7 @@ static double settled(Work *work, const Told *told, double field_db2, double fie
 }
 
 int weigh_this_road(const Told *told, const Along *along, const OnRoad *at, const Laws *laws,
-                    const Field *field, const Likelihood *devices, double found[3])
+                    const Field *field, const Likelihood *devices, double found[4])
 {
     for (ptrdiff_t k = 0; k < told->cells; k++)
         if (told->numbers[k] >= along->cells)
@@ -107,13 +107,14 @@ int weigh_this_road(const Told *told, const Along *along, const OnRoad *at, cons
     int fault = isnan(known) ? OUT_OF_BOUNDS : 0;
     if (fault == 0) {
         found[0] = known + settled(&work, told, laws->drift_db2, laws->drift_m, devices);
+        found[1] = known + settled(&work, told, laws->much_drift_db2, laws->much_drift_m, devices);
         for (ptrdiff_t i = 0; i < told->samples; i++)
             for (ptrdiff_t k = 0; k < told->cells; k++) {
                 double about_db = work.about[2 * k + 1] / fmax(work.about[2 * k], 1e-9);
                 ptrdiff_t place = i * told->cells + k;
                 work.missed_db[place] = told->level_db[place] - about_db;
             }
-        found[1] = known + settled(&work, told, laws->shadowing_db2, laws->shadowing_m, devices);
+        found[2] = known + settled(&work, told, laws->shadowing_db2, laws->shadowing_m, devices);
         double readings = 0.0;
         for (ptrdiff_t k = 0; k < told->cells; k++)
             readings += work.about[2 * k];
@@ -121,7 +122,7 @@ int weigh_this_road(const Told *told, const Along *along, const OnRoad *at, cons
             work.precision[place] = work.count[place] / field->noise_db2;
         Levels levels = {told->samples, told->cells, told->behind_m, told->level_db,
                          work.precision};
-        found[2] = any_road(&levels, field->mean_db2, field->field_db2, field->field_m, work.each) +
+        found[3] = any_road(&levels, field->mean_db2, field->field_db2, field->field_m, work.each) +
                    field->reading_log * readings;
     }
     free(work.count);
