@@ -26,6 +26,20 @@ def evidence(
     block: Floats,
     /,
 ) -> int: ...
+def without_wild(
+    distance_m: Floats,
+    rsrp_dbm: Floats,
+    neighbours: int,
+    least: int,
+    reach_m: float,
+    sure_db: float,
+    times: float,
+    left_dbm: Floats,
+    /,
+) -> int: ...
+def listen(
+    block: Floats, samples: int, usual: Floats, few: float, enough: float, least: float, /
+) -> float: ...
 def elsewhere(
     block: Floats,
     samples: int,

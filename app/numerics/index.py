@@ -21,6 +21,7 @@ from app.numerics.days import Days
 from app.numerics.geodesy import XY, Floats, LonLat
 from app.numerics.graph import RoadGraph
 from app.numerics.lines import headings_deg, point_at
+from app.numerics.listing import usual_numbers
 from app.numerics.neighbourhoods import Plane, planes
 from app.numerics.newcomers import Columns, Newcomers
 from app.numerics.observation import Profile, profile
@@ -151,6 +152,7 @@ class MapIndex:
         self.cells = frozenset().union(*(model.cells for model in radio_map.models))
         self.carrier = {cell: carriers.index(carrier_of(cell)) for cell in self.cells}
         self.carriers = carriers
+        self.usual_numbers = usual_numbers(radio_map.models)
         self.newcomers = heard.newcomers
         self.around = heard.around
         self.atlas = _draw_atlas(radio_map.models)
@@ -184,6 +186,16 @@ class MapIndex:
     def groups(self, cells: Sequence[str]) -> Int[np.ndarray, " cells"]:
         """Number of each cell's group, see `app.numerics.carriers.groups`."""
         return groups(cells, len(self.carriers))
+
+    def usual(self, cells: Sequence[str], unknown: int = 0) -> Float[np.ndarray, " cells"]:
+        """
+        How many cells of each cell's carrier a survey's sample lists that lists any.
+
+        Args:
+            unknown: So many cells more, which the map lacks, are listed beside these.
+        """
+        known = len(cells) / max(len(cells) + unknown, 1)
+        return np.array([known * self.usual_numbers[carrier_of(cell)] for cell in cells])
 
     def road_with(self, number: int, model: RoadModel) -> RoadIndex:
         """One of the roads laid out as if it had this model, the others being what they are."""

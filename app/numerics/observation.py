@@ -68,8 +68,9 @@ class Evidence:
         behind_m: Travelled distance from each sample to the window's end. Shape ``(samples,)``.
         rsrp_db: Mean reading above `CENTRE_DBM`, 0 where not heard. Shape ``(samples, cells)``.
         heard: Share of the sample's readings that heard the cell, 0..1, same shape.
-        share: The cell's part of all that the sample heard of its carrier; those of a carrier sum
-            to 1, or to 0 where it was not heard.
+        share: The cell's part of all that the sample heard of its carrier, times what silence of
+            the others counts for: 1, or less where a device lists few (`app.numerics.listing`).
+            Those of a carrier sum to that, or to 0 where it was not heard.
         weight: How much each sample counts, 0..1, for the shadowing it shares with its neighbours.
     """
 

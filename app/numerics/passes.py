@@ -9,9 +9,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from app.domain import Line, Trace
+from app.numerics import native_readings
 from app.numerics.geodesy import Floats
 from app.numerics.lines import length_m, project
 from app.numerics.smoothing import smooth_chainage
+from app.numerics.wild import without_wild
 
 MAX_LAG_S = 3.0  # a receiver whose clocks differ by more is broken, not late
 EDGE_S = 3.0  # beyond its ends a drive goes on as fast as over so long
@@ -152,7 +154,7 @@ def _samples(trace: Trace) -> tuple[bytes, ...]:
 
 def lay_on_road(line: Line, trace: Trace, cells: tuple[str, ...], name: str) -> RoadPass | None:
     """
-    Project a trace on the line and join its samples metre by metre.
+    Project a trace on the line, leave wild readings out, and join its samples metre by metre.
 
     Args:
         cells: Columns wanted; those that the trace lacks are NaN throughout.
@@ -174,8 +176,17 @@ def lay_on_road(line: Line, trace: Trace, cells: tuple[str, ...], name: str) -> 
     chainage_m, doubt_m = smooth_chainage(feet.chainage_m[near], feet.offset_m[near], time_s)
     if len(_starts(chainage_m)) < MIN_ROWS:
         return None
+    rsrp = _without_wild(chainage_m, rsrp)
     group = trace.recorded_at.date().isoformat() if trace.recorded_at else name
     return _pass(Samples(time_s, chainage_m, rsrp, end_m), group, doubt_m)
+
+
+def _without_wild(
+    chainage_m: Float[np.ndarray, " samples"], rsrp_dbm: Float[np.ndarray, "samples cells"]
+) -> Float[np.ndarray, "samples cells"]:
+    travelled_m = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(chainage_m)))))
+    leave_out = native_readings.without_wild if native_readings.BUILT else without_wild
+    return leave_out(travelled_m, rsrp_dbm)
 
 
 def _pass(samples: Samples, group: str, doubt_m: float) -> RoadPass:

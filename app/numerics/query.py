@@ -10,13 +10,15 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from app.domain import Calibration, Window
-from app.numerics import carriers, native, native_laws
+from app.numerics import carriers, native, native_laws, native_readings
 from app.numerics.elsewhere import log_evidence, or_featureless
 from app.numerics.index import MapIndex
+from app.numerics.listing import as_listed
 from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS, Evidence, coefficients, evidence
 from app.numerics.offsets import OffsetPrior
 from app.numerics.tapes import COARSE_STEPS_M, GAP
+from app.numerics.wild import without_wild
 
 FINE_STEP_M = 1.0
 LONGEST_M = COARSE_STEPS_M[-1] * (GAP - 1)  # readings farther back than this are not used
@@ -184,25 +186,29 @@ def ask(index: MapIndex, window: Window, *, in_c: bool = False) -> Query:
     Args:
         in_c: Let the kernels in C answer it where they have a twin of the numpy code.
     """
-    rsrp_dbm, distance_m = window.rsrp_dbm, window.distance_m
+    distance_m = np.ascontiguousarray(window.distance_m, dtype=np.float64)
+    rsrp_dbm = np.ascontiguousarray(window.rsrp_dbm, dtype=np.float64)
     if distance_m[-1] - distance_m[0] > LONGEST_M:
         recent = distance_m >= distance_m[-1] - LONGEST_M
         distance_m, rsrp_dbm = distance_m[recent], rsrp_dbm[recent]
+    leave_out = native_readings.without_wild if in_c else without_wild
+    rsrp_dbm = leave_out(distance_m, rsrp_dbm)
     heard = native.heard_columns(rsrp_dbm) if in_c else _heard_columns(rsrp_dbm)
     order = sorted([(window.cells[i], i) for i in heard])
     known = [pair for pair in order if pair[0] in index.cells]
     unknown = () if len(known) == len(order) else _names(p for p in order if p not in known)
     columns, names = [i for _, i in known], _names(known)
-    group = index.groups(names)
+    group, usual = index.groups(names), index.usual(names, len(unknown))
     if in_c:
         carrier = [index.carrier[cell] for cell in names]
         told, fine = native.evidence(
             distance_m, rsrp_dbm, columns, FINE_STEP_M, carrier, group.tolist()
         )
+        native_readings.listen(told, usual)
         return Query(names, unknown, len(distance_m), fine, group, told, window.distance_error)
     if columns != list(range(len(window.cells))):
         rsrp_dbm = rsrp_dbm[:, columns]
-    return prepare(names, unknown, distance_m, rsrp_dbm, group, window.distance_error)
+    return prepare(names, unknown, distance_m, rsrp_dbm, group, usual, window.distance_error)
 
 
 def _heard_columns(rsrp_dbm: Float[np.ndarray, "samples cells"]) -> list[int]:
@@ -219,8 +225,15 @@ def prepare(
     distance_m: Float[np.ndarray, " samples"],
     rsrp_dbm: Float[np.ndarray, "samples cells"],
     group: Int[np.ndarray, " cells"],
+    usual: Float[np.ndarray, " cells"],
     distance_error: float | None = None,
 ) -> Query:
-    """A query from readings whose columns are exactly ``cells``, each of a group."""
+    """
+    A query from readings whose columns are exactly ``cells``, each of a group.
+
+    Args:
+        usual: See `app.numerics.index.MapIndex.usual`.
+    """
     fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M, carriers.numbers(cells))
+    fine = as_listed(fine, usual)
     return Query(cells, unknown, len(distance_m), fine, group, distance_error=distance_error)

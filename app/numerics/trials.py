@@ -69,7 +69,7 @@ def with_offset(places: Places, prior: OffsetPrior) -> Places:
 def size_of(truth: HeldOut) -> tuple[float, int]:
     """What a window's samples weigh together, and how many they are."""
     silent, nobody = np.zeros((len(truth.distance_m), 0)), np.zeros(0, dtype=np.intp)
-    weight = prepare((), (), truth.distance_m, silent, nobody).fine.weight
+    weight = prepare((), (), truth.distance_m, silent, nobody, np.zeros(0)).fine.weight
     return float(weight.sum()), len(weight)
 
 

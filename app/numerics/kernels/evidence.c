@@ -1,4 +1,4 @@
-/* Twin of app.numerics.observation.evidence and sample_weight. */
+/* Twin of app.numerics.observation.evidence and sample_weight, and of app.numerics.listing. */
 #include "kernels.h"
 
 #include <math.h>
@@ -76,4 +76,22 @@ void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t
         weight[0] = 1.0;
     else
         weigh(behind_m, stretches, correlation_m, weight);
+}
+
+double listen_to(double *block, ptrdiff_t samples, ptrdiff_t cells, const double *usual,
+                 double few, double enough, double least)
+{
+    const double *weight = block + samples, *heard = block + (2 + cells) * samples;
+    double *share = block + (2 + 2 * cells) * samples, listed = 0.0, usually = 0.0;
+    for (ptrdiff_t i = 0; i < samples; i++)
+        for (ptrdiff_t k = 0; k < cells; k++) {
+            listed += weight[i] * heard[i * cells + k];
+            usually += weight[i] * share[i * cells + k] * usual[k];
+        }
+    if (!(usually > 0.0))
+        return 1.0;
+    double counts = fmin(fmax((listed / usually - few) / (enough - few), least), 1.0);
+    for (ptrdiff_t place = 0; counts < 1.0 && place < samples * cells; place++)
+        share[place] *= counts;
+    return counts;
 }

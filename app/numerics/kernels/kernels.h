@@ -159,6 +159,20 @@ void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t
                      ptrdiff_t cells, double step_m, double centre_dbm, double correlation_m,
                      ptrdiff_t stretches, double *block);
 
+/* Hampel's filter: app.numerics.wild. */
+typedef struct {
+    ptrdiff_t neighbours, least;
+    double reach_m, sure_db, times;
+} Hampel;
+
+/* How many readings are wild; only then `left_dbm` is filled in with the others. */
+ptrdiff_t leave_out_wild(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
+                         ptrdiff_t width, const Hampel *filter, double *left_dbm);
+
+/* In place, what silence counts for: app.numerics.listing. */
+double listen_to(double *block, ptrdiff_t samples, ptrdiff_t cells, const double *usual,
+                 double few, double enough, double least);
+
 /* elsewhere.c */
 int weigh_elsewhere(const double *block, ptrdiff_t samples, ptrdiff_t cells, const Field *field,
                     double temperature, double *log_evidence);

@@ -84,6 +84,50 @@ static PyObject *elsewhere(PyObject *self, PyObject *const *arguments, Py_ssize_
     return release(&call, call.failed ? NULL : PyFloat_FromDouble(log_evidence));
 }
 
+static PyObject *without_wild(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 8))
+        return NULL;
+    Py_ssize_t shape[2] = {-1, -1};
+    const double *distance_m = array(&call, 'd', READ, 1, shape);
+    const double *rsrp_dbm = array(&call, 'd', READ, 2, shape);
+    Hampel filter;
+    filter.neighbours = whole(&call);
+    filter.least = whole(&call);
+    filter.reach_m = number(&call);
+    filter.sure_db = number(&call);
+    filter.times = number(&call);
+    double *left_dbm = array(&call, 'd', WRITE, 2, shape);
+    demand(&call, 1 <= filter.neighbours && filter.neighbours <= 4, "too many neighbours");
+    demand(&call, 2 <= filter.least, "a median of itself");
+    ptrdiff_t wild = 0;
+    if (!call.failed) {
+        wild = leave_out_wild(distance_m, rsrp_dbm, shape[0], shape[1], &filter, left_dbm);
+        check(&call, wild);
+    }
+    return release(&call, call.failed ? NULL : PyLong_FromSsize_t(wild));
+}
+
+static PyObject *listen(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 6))
+        return NULL;
+    Py_ssize_t room[1] = {-1}, cells[1] = {-1};
+    double *block = array(&call, 'd', WRITE, 1, room);
+    ptrdiff_t samples = whole(&call);
+    const double *usual = array(&call, 'd', READ, 1, cells);
+    double few = number(&call), enough = number(&call), least = number(&call), counts = 1.0;
+    demand(&call, samples >= 1 && 2 + 3 * cells[0] <= room[0] / samples,
+           "the block holds fewer numbers");
+    if (!call.failed)
+        counts = listen_to(block, samples, cells[0], usual, few, enough, least);
+    return release(&call, call.failed ? NULL : PyFloat_FromDouble(counts));
+}
+
 static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
 {
     Call call;
@@ -434,14 +478,15 @@ static PyMethodDef methods[] = {
     KERNEL(heaviest),      KERNEL(rest),     KERNEL(stretch), KERNEL(rows),    KERNEL(redrawn),
     KERNEL(summary),       KERNEL(joined),   KERNEL(gains),
     {"stretches_about", (PyCFunction)(void (*)(void))stretches_about_places, METH_FASTCALL, NULL},
-    KERNEL(under_factors), KERNEL(elsewhere), KERNEL(this_road),
+    KERNEL(under_factors), KERNEL(elsewhere), KERNEL(listen), KERNEL(this_road),
+    KERNEL(without_wild),
     {NULL, NULL, 0, NULL},
 };
 
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 16);
+    return PyModule_AddIntConstant(module, "VERSION", 18);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};
