@@ -47,6 +47,11 @@ class Field(NamedTuple):
     sd_db: float
     length_m: float
 
+    @property
+    def law(self) -> tuple[float, float]:
+        """Variance and length, as the kernels take it."""
+        return self.sd_db**2, self.length_m
+
 
 ANY_FIELD = Field(FIELD_SD_DB, FIELD_M)
 

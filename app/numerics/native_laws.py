@@ -33,7 +33,7 @@ def log_likelihoods(
     aimed: Aimed,
     rows: Float32[np.ndarray, "rows columns"],
     at: tuple[int, float, int, float],
-    laws: tuple[float, ...],
+    laws: tuple[float, float, float, float, float, float, float, float],
     devices: Likelihood,
 ) -> tuple[float, float, float, float]:
     """

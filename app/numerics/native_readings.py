@@ -15,6 +15,7 @@ with suppress(ImportError):
 
 __all__ = ["BUILT", "listen", "without_wild"]
 
+RAMP = (listing.FEW, listing.USUAL, listing.LEAST)
 HAMPEL = (wild.NEIGHBOURS, wild.LEAST_TO_TELL, wild.REACH_M, wild.SURE_DB, wild.TIMES)
 
 
@@ -28,4 +29,4 @@ def without_wild(
 
 def listen(told: Told, usual: Float[np.ndarray, " cells"]) -> float:
     """Twin of `app.numerics.listing.as_listed`, in place; for how much silence counts."""
-    return _native.listen(told.block, told.samples, usual, listing.FEW, listing.USUAL, listing.LEAST)
+    return _native.listen(told.block, told.samples, usual, *RAMP)

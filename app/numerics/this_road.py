@@ -39,10 +39,7 @@ SHADOWING = Field(6.0, 20.0)
 MUCH = 0.1  # how often an area has drifted much
 ANOTHER = 0.01  # how often a stranger's means are the road's own
 BACKGROUND_LOG = math.log(BACKGROUND_SPAN_DB) - 0.5 * math.log(2.0 * math.pi)
-KERNEL_LAWS = (
-    *(x for field in (DRIFT, MUCH_DRIFT, SHADOWING) for x in (field.sd_db**2, field.length_m)),
-    BACKGROUND_LOG,
-)
+KERNEL_LAWS = (*DRIFT.law, *MUCH_DRIFT.law, *SHADOWING.law, BACKGROUND_LOG)
 MUCH_LOG, LITTLE_LOG = math.log(MUCH), math.log1p(-MUCH)
 ANOTHER_LOG, ANY_LOG = math.log(ANOTHER), math.log1p(-ANOTHER)
 

@@ -91,8 +91,7 @@ def test_cells_that_the_map_lacks_are_listed_too():
 
 
 def test_a_phone_of_one_cell_a_sample_is_not_sent_to_a_quiet_road():
-    """Of six cells the strongest alone: silence of the others counts a tenth, and the road is
-    still found; of all six it counts in full."""
+    """Of six cells the strongest alone: silence counts a tenth, and the road is still found."""
     index = index_of(cells=6)
     shares = []
     for keep in (1, 6):

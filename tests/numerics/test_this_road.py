@@ -43,7 +43,7 @@ PLACES = (
 def by_the_book(
     query: Query, road: RoadIndex, at: OnRoad, temperature: float, devices: OffsetPrior
 ) -> tuple[float, ...]:
-    """The Gaussian laws of this road, drifted little and much, and of another, all readings and offsets at once."""
+    """This road, drifted little and much, and another: Gaussian laws, all readings at once."""
     y, mu, noise_db2, count, cell, behind_m = [], [], [], [], [], []
     rows = road.along.rows.astype(float)
     numbers = query.numbers(road.column)
@@ -128,7 +128,7 @@ def test_what_lies_beyond_the_road_says_nothing():
     index = index_of(cells=6)
     window = next(iter(windows(city_of(cells=6), 1, length_m=30.0))).window
     strange = window.rsrp_dbm.copy()
-    strange[:-1] -= 25.0
+    strange[:-1] -= 8.0
     road, prior = index.roads[0], index.offset_prior.at(1.0)
     told = [
         log_likelihoods(ask(index, each), road, OnRoad.of(road, 1, 0.0), 1.0, prior)

@@ -1,8 +1,9 @@
-"""Wild readings are found by the window alone: by the book, in C, and what a fix is without them."""
+"""Wild readings are found by the window alone: by the book, in C, and what fixes are then."""
 
 from __future__ import annotations
 
 import dataclasses
+from itertools import pairwise
 from statistics import median
 
 import numpy as np
@@ -25,7 +26,7 @@ def by_the_book(distance_m: np.ndarray, rsrp_dbm: np.ndarray) -> np.ndarray:
     steps, found = [], {}
     for cell in range(rsrp_dbm.shape[1]):
         heard = [i for i in range(len(distance_m)) if not np.isnan(rsrp_dbm[i, cell])]
-        for one, other in zip(heard, heard[1:], strict=False):
+        for one, other in pairwise(heard):
             if distance_m[other] - distance_m[one] <= REACH_M:
                 steps.append(abs(rsrp_dbm[other, cell] - rsrp_dbm[one, cell]))
         for at, i in enumerate(heard):
