@@ -68,6 +68,7 @@ def this_road(
     much_drift_m: float,
     shadowing_db2: float,
     shadowing_m: float,
+    noise_times: float,
     background_log: float,
     temperature: float,
     mean_db2: float,
@@ -77,7 +78,7 @@ def this_road(
     reading_log: float,
     devices: Likelihood,
     /,
-) -> tuple[float, float, float, float]: ...
+) -> tuple[float, float, float, float, float]: ...
 def tape(
     block: Floats,
     samples: int,

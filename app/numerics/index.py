@@ -187,15 +187,9 @@ class MapIndex:
         """Number of each cell's group, see `app.numerics.carriers.groups`."""
         return groups(cells, len(self.carriers))
 
-    def usual(self, cells: Sequence[str], unknown: int = 0) -> Float[np.ndarray, " cells"]:
-        """
-        How many cells of each cell's carrier a survey's sample lists that lists any.
-
-        Args:
-            unknown: So many cells more, which the map lacks, are listed beside these.
-        """
-        known = len(cells) / max(len(cells) + unknown, 1)
-        return np.array([known * self.usual_numbers[carrier_of(cell)] for cell in cells])
+    def usual(self, cells: Sequence[str]) -> Float[np.ndarray, " cells"]:
+        """How many cells of its carrier a survey's sample lists where each of these is known."""
+        return np.array([self.usual_numbers[cell] for cell in cells])
 
     def road_with(self, number: int, model: RoadModel) -> RoadIndex:
         """One of the roads laid out as if it had this model, the others being what they are."""

@@ -28,21 +28,22 @@ LEAST = 0.1  # as little as that, however few are listed
 
 def usual_numbers(models: Sequence[RoadModel]) -> dict[str, float]:
     """
-    How many cells of each carrier a survey's sample lists that lists any, on the mean over all
-    places that the carrier is known at.
+    How many cells of its carrier a survey's sample lists where each cell is known, that lists any.
+
+    A mean over all places of the map that know the cell: what roads elsewhere hear says nothing.
     """
     listed: dict[str, float] = {}
     places: dict[str, int] = {}
     for model in models:
         mapped = ~np.isnan(model.mean_dbm)
         heard = np.where(mapped, model.heard, 0.0)
-        number = carriers.numbers(model.cells)
-        for each, carrier in enumerate(carriers.carriers_of(model.cells)):
-            own = number == each
-            listed[carrier] = listed.get(carrier, 0.0) + float(heard[:, own].sum())
-            there = int(np.count_nonzero(mapped[:, own].any(axis=1)))
-            places[carrier] = places.get(carrier, 0) + there
-    return {carrier: listed[carrier] / max(places[carrier], 1) for carrier in listed}
+        carrier = np.eye(len(model.cells))[carriers.numbers(model.cells)]
+        number = (heard @ carrier) @ carrier.T
+        sums = np.where(mapped, number, 0.0).sum(axis=0).tolist()
+        for cell, each, there in zip(model.cells, sums, mapped.sum(axis=0).tolist(), strict=True):
+            listed[cell] = listed.get(cell, 0.0) + each
+            places[cell] = places.get(cell, 0) + there
+    return {cell: listed[cell] / max(places[cell], 1) for cell in listed}
 
 
 def silence_counts(seen: Evidence, usual: Float[np.ndarray, " cells"]) -> float:
@@ -50,7 +51,7 @@ def silence_counts(seen: Evidence, usual: Float[np.ndarray, " cells"]) -> float:
     For how much it counts that a window does not list a cell, 0..1.
 
     Args:
-        usual: How many cells of each cell's carrier a sample usually lists that lists any.
+        usual: How many cells of its carrier a sample usually lists where each cell is known.
     """
     listed = float(seen.weight @ seen.heard.sum(axis=1))
     usually = float(seen.weight @ (seen.share @ usual))

@@ -33,17 +33,18 @@ def log_likelihoods(
     aimed: Aimed,
     rows: Float32[np.ndarray, "rows columns"],
     at: tuple[int, float, int, float],
-    laws: tuple[float, float, float, float, float, float, float, float],
+    laws: tuple[float, float, float, float, float, float, float, float, float],
     devices: Likelihood,
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float, float]:
     """
     Twin of `app.numerics.this_road.log_likelihoods`.
 
     Args:
         rows: Of the road's profile.
         at: Grid position, share of the way to the next, +1 or -1, and the road's step.
-        laws: Variance and reach of drift, of much of it and of shadowing, the log of a reading's
-            background, and the window's temperature, 1 at most.
+        laws: Variance and reach of drift, of much of it and of shadowing, how much more noise a
+            noisier device has, the log of a reading's background, and the window's temperature, 1
+            at most.
         devices: Of the prior of offsets.
     """
     return _native.this_road(*aimed, rows, *at, *laws, *ANY_ROAD, devices)

@@ -191,23 +191,23 @@ def ask(index: MapIndex, window: Window, *, in_c: bool = False) -> Query:
     if distance_m[-1] - distance_m[0] > LONGEST_M:
         recent = distance_m >= distance_m[-1] - LONGEST_M
         distance_m, rsrp_dbm = distance_m[recent], rsrp_dbm[recent]
-    leave_out = native_readings.without_wild if in_c else without_wild
-    rsrp_dbm = leave_out(distance_m, rsrp_dbm)
     heard = native.heard_columns(rsrp_dbm) if in_c else _heard_columns(rsrp_dbm)
-    order = sorted([(window.cells[i], i) for i in heard])
-    known = [pair for pair in order if pair[0] in index.cells]
-    unknown = () if len(known) == len(order) else _names(p for p in order if p not in known)
+    named = sorted([(window.cells[i], i) for i in heard])
+    known = [pair for pair in named if pair[0] in index.cells]
+    unknown = () if len(known) == len(named) else _names(p for p in named if p not in known)
     columns, names = [i for _, i in known], _names(known)
-    group, usual = index.groups(names), index.usual(names, len(unknown))
+    if columns != list(range(len(window.cells))):
+        rsrp_dbm = np.ascontiguousarray(rsrp_dbm[:, columns])
+    group, usual = index.groups(names), index.usual(names)
     if in_c:
-        carrier = [index.carrier[cell] for cell in names]
+        rsrp_dbm = native_readings.without_wild(distance_m, rsrp_dbm)
+        here, carrier = list(range(len(names))), [index.carrier[cell] for cell in names]
         told, fine = native.evidence(
-            distance_m, rsrp_dbm, columns, FINE_STEP_M, carrier, group.tolist()
+            distance_m, rsrp_dbm, here, FINE_STEP_M, carrier, group.tolist()
         )
         native_readings.listen(told, usual)
         return Query(names, unknown, len(distance_m), fine, group, told, window.distance_error)
-    if columns != list(range(len(window.cells))):
-        rsrp_dbm = rsrp_dbm[:, columns]
+    rsrp_dbm = without_wild(distance_m, rsrp_dbm)
     return prepare(names, unknown, distance_m, rsrp_dbm, group, usual, window.distance_error)
 
 

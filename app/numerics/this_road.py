@@ -10,9 +10,10 @@ the shadowing of a road that is another. Here the same readings meet three laws:
     any road    see `app.numerics.elsewhere`
 
 with drift ``N(0, sd^2 exp(-d / length))`` and shadowing likewise, each of a cell's own, and noise
-``N(0, sigma(s)^2)``. How much has drifted since the survey nobody knows beforehand: mostly little,
-now and then much. Another road is one of the same means: of a city that has the same cell names and
-sites. The factor is the first law's likelihood over that of a mixture of the others and of none
+``N(0, sigma(s)^2)``. How much has drifted since the survey nobody knows beforehand, mostly little,
+now and then much; nor whether the device is noisier than the surveys' were. Another road is one of
+the same means: of a city that has the same cell names and sites. The factor is the likelihood of
+this road over that of a mixture of the others and of no law
 (`app.numerics.elsewhere.or_featureless`). Cells that the road has not mapped, and readings from
 beyond its ends, say nothing here.
 """
@@ -37,10 +38,13 @@ DRIFT = Field(1.2, 100.0)
 MUCH_DRIFT = Field(3.0, 100.0)
 SHADOWING = Field(6.0, 20.0)
 MUCH = 0.1  # how often an area has drifted much
+NOISIER = 0.05  # how often a device's noise is twice that of the surveys' devices
+NOISE_TIMES = 4.0  # its variance
 ANOTHER = 0.01  # how often a stranger's means are the road's own
 BACKGROUND_LOG = math.log(BACKGROUND_SPAN_DB) - 0.5 * math.log(2.0 * math.pi)
-KERNEL_LAWS = (*DRIFT.law, *MUCH_DRIFT.law, *SHADOWING.law, BACKGROUND_LOG)
-MUCH_LOG, LITTLE_LOG = math.log(MUCH), math.log1p(-MUCH)
+KERNEL_LAWS = (*DRIFT.law, *MUCH_DRIFT.law, *SHADOWING.law, NOISE_TIMES, BACKGROUND_LOG)
+MUCH_LOG, NOISIER_LOG = math.log(MUCH), math.log(NOISIER)
+LITTLE_LOG = math.log1p(-MUCH - NOISIER)
 ANOTHER_LOG, ANY_LOG = math.log(ANOTHER), math.log1p(-ANOTHER)
 
 
@@ -50,12 +54,14 @@ class Likelihoods(NamedTuple):
 
     Attributes:
         here, drifted: On this road, drifted little and much.
+        noisier: On this road, drifted little, read by a noisier device.
         another: On another road of the same means.
         any_road: On any.
     """
 
     here: float
     drifted: float
+    noisier: float
     another: float
     any_road: float
 
@@ -63,6 +69,7 @@ class Likelihoods(NamedTuple):
     def log_factor(self) -> float:
         """Of this road against the others."""
         here = _either(LITTLE_LOG + self.here, MUCH_LOG + self.drifted)
+        here = _either(here, NOISIER_LOG + self.noisier)
         return here - or_featureless(_either(ANY_LOG + self.any_road, ANOTHER_LOG + self.another))
 
 
@@ -136,11 +143,18 @@ def log_likelihoods(
     count = np.where(precision > 0.0, seen.heard * (seen.weight[:, None] / temperature), 0.0)
     noise = count * (BACKGROUND_LOG + 0.5 * np.log(np.where(precision > 0.0, precision, 1.0)))
     about_db = (count * mean_db).sum(axis=0) / np.maximum(count.sum(axis=0), 1e-9)
-    here, drifted, another = (
-        float(noise.sum()) + _settled(query, expected_db, count * precision, field, devices)
-        for expected_db, field in ((mean_db, DRIFT), (mean_db, MUCH_DRIFT), (about_db, SHADOWING))
+    here, drifted, noisier, another = (
+        float((noise - 0.5 * math.log(times) * count).sum())
+        + _settled(query, expected_db, count * precision / times, field, devices)
+        for expected_db, field, times in (
+            (mean_db, DRIFT, 1.0),
+            (mean_db, MUCH_DRIFT, 1.0),
+            (mean_db, DRIFT, NOISE_TIMES),
+            (about_db, SHADOWING, 1.0),
+        )
     )
-    return Likelihoods(here, drifted, another, of_any_road(seen.behind_m, seen.rsrp_db, count))
+    any_road = of_any_road(seen.behind_m, seen.rsrp_db, count)
+    return Likelihoods(here, drifted, noisier, another, any_road)
 
 
 def _expected(

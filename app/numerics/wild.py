@@ -5,7 +5,9 @@ A log may hold a level that no antenna sent there: a filler, the value of the ce
 put to the wrong one. Scores of places are Gaussian, so that one reading 30 dB off outweighs ten
 good ones. Hampel's filter finds such readings without a map: each is compared with the median of
 the five of its cell about it, which leaves slopes and steps as they are, and is left out where it
-strays from that by more than the levels of these readings ever do.
+strays from that by more than the levels of these readings ever do. Of the first and the last sample
+nobody knows whether what follows would have contradicted it: where most of its readings stray, it
+is a step, at the mouth of a tunnel or round a corner.
 """
 
 from __future__ import annotations
@@ -34,6 +36,9 @@ def without_wild(
     if not (stray_db > SURE_DB).any():
         return rsrp_dbm
     wild = stray_db > max(SURE_DB, TIMES * float(np.median(steps_db)))
+    for end in (0, -1):
+        if 2 * wild[end].sum() > np.count_nonzero(~np.isnan(stray_db[end])):
+            wild[end] = False
     return np.where(wild, np.nan, rsrp_dbm) if wild.any() else rsrp_dbm
 
 

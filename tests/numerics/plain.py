@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from app.domain import RoadModel, Window
 from app.numerics.carriers import NOTHING_KNOWN
+from app.numerics.listing import FEW, LEAST, USUAL
 from app.numerics.observation import (
     BACKGROUND_SPAN_DB,
     CORRELATION_M,
@@ -36,15 +37,19 @@ OWN_DB = np.arange(-40.0, 40.01, 0.2)  # of one group of cells
 
 @dataclass(frozen=True)
 class Reading:
-    """What a vehicle heard on one metre: level and share of samples that heard, per cell."""
+    """
+    What a vehicle heard on one metre: level and share of samples that heard, per cell, and for how
+    much it counts that it heard no others.
+    """
 
     behind_m: float
     level_dbm: dict[str, float]
     share: dict[str, float]
+    silence: float = 1.0
 
 
-def readings(window: Window, known: set[str]) -> list[Reading]:
-    """The window metre by metre, newest first, the cells of the map only."""
+def readings(window: Window, known: set[str], models: tuple[RoadModel, ...]) -> list[Reading]:
+    """The window metre by metre, newest first, the cells of the map only, none of them wild."""
     metres: list[list[int]] = []
     behind_m = window.distance_m[-1] - window.distance_m
     for sample in reversed(range(len(behind_m))):
@@ -63,7 +68,36 @@ def readings(window: Window, known: set[str]) -> list[Reading]:
                 level_dbm[cell] = sum(heard) / len(heard)
                 share[cell] = len(heard) / len(samples)
         found.append(Reading(sum(behind_m[s] for s in samples) / len(samples), level_dbm, share))
-    return found
+    counts = _silence(found, models)
+    return [replace(one, silence=counts) for one in found]
+
+
+def _silence(found: list[Reading], models: tuple[RoadModel, ...]) -> float:
+    """By how many cells it lists of the carriers that it hears, and how many are usual."""
+    listed = usually = 0.0
+    for one, weight in zip(found, weights(found), strict=True):
+        for carrier in {_carrier(cell) for cell in one.share}:
+            own = {cell: share for cell, share in one.share.items() if _carrier(cell) == carrier}
+            listed += weight * sum(own.values())
+            usual = sum(share * _usual(cell, models) for cell, share in own.items())
+            usually += weight * usual / sum(own.values())
+    if usually == 0.0:
+        return 1.0
+    return min(max((listed / usually - FEW) / (USUAL - FEW), LEAST), 1.0)
+
+
+def _usual(cell: str, models: tuple[RoadModel, ...]) -> float:
+    """How many of its carrier's cells are heard where it is known."""
+    numbers = []
+    for model in models:
+        if cell not in model.cells:
+            continue
+        alike = [c for c in range(len(model.cells)) if _carrier(model.cells[c]) == _carrier(cell)]
+        for at in range(len(model.mean_dbm)):
+            if not math.isnan(model.mean_dbm[at, model.cells.index(cell)]):
+                there = [c for c in alike if not math.isnan(model.mean_dbm[at, c])]
+                numbers.append(sum(float(model.heard[at, c]) for c in there))
+    return sum(numbers) / len(numbers) if numbers else 0.0
 
 
 def weights(found: list[Reading]) -> list[float]:
@@ -137,7 +171,7 @@ def _one_place(
     for column, cell in enumerate(model.cells):
         mapped = not math.isnan(model.mean_dbm[at, column])
         if mapped and _carrier(cell) in listened:
-            total += HEARING_WEIGHT * math.log(1.0 - _chance(model, at, cell))
+            total += HEARING_WEIGHT * one.silence * math.log(1.0 - _chance(model, at, cell))
     for cell, share in one.share.items():
         chance = 0.5 if cell in new else _chance(model, at, cell)
         total += HEARING_WEIGHT * share * math.log(chance / (1.0 - chance))
@@ -226,7 +260,7 @@ def posterior(
 ) -> Counter[tuple[str, int, int]]:
     """Probability of every road, direction and grid position, uniform per metre beforehand."""
     known = {cell for model in models for cell in model.cells}
-    found = readings(window, known)
+    found = readings(window, known, models)
     score = {
         (model.road_id, sign, place): marginal(
             model, found, place, sign, offset_sd_db, temperature, newcomers(models, model)

@@ -37,6 +37,10 @@ def arguments(seed: int) -> dict[str, list[object]]:
             *(window.distance_m, rsrp_dbm, [*range(cells)], [0] * cells),
             *(1.0, -95.0, 10.0, block),
         ],
+        "without_wild": [
+            *(window.distance_m, rsrp_dbm, 2, 3, 40.0, 10.0, 4.5, np.empty(rsrp_dbm.shape)),
+        ],
+        "listen": [query.told.block, query.told.samples, np.ones(len(query.cells)), 0.2, 0.7, 0.1],
         "elsewhere": [
             query.told.block,
             query.told.samples,
@@ -49,8 +53,8 @@ def arguments(seed: int) -> dict[str, list[object]]:
             1.0,
         ],
         "this_road": [
-            *(*over_road, road.along.rows, 3, 0.4, -1, 1.0, 1.4, 100.0, 36.0, 20.0, 3.0, 0.8),
-            *(100.0, 64.0, 20.0, 9.0, 1.9, terms),
+            *(*over_road, road.along.rows, 3, 0.4, -1, 1.0, 1.4, 100.0, 9.0, 100.0, 36.0, 20.0),
+            *(4.0, 3.0, 0.8, 100.0, 64.0, 20.0, 9.0, 1.9, terms),
         ],
         "tape": [
             *(

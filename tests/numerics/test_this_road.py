@@ -22,6 +22,7 @@ from app.numerics.query import Query, ask
 from app.numerics.this_road import (
     DRIFT,
     MUCH_DRIFT,
+    NOISE_TIMES,
     SHADOWING,
     OnRoad,
     log_factor,
@@ -43,7 +44,7 @@ PLACES = (
 def by_the_book(
     query: Query, road: RoadIndex, at: OnRoad, temperature: float, devices: OffsetPrior
 ) -> tuple[float, ...]:
-    """This road, drifted little and much, and another: Gaussian laws, all readings at once."""
+    """This road, drifted little and much, read with more noise, and another: all at once."""
     y, mu, noise_db2, count, cell, behind_m = [], [], [], [], [], []
     rows = road.along.rows.astype(float)
     numbers = query.numbers(road.column)
@@ -64,19 +65,26 @@ def by_the_book(
             cell.append(number)
             behind_m.append(behind)
     if not y:
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
     y, mu, noise_db2, count, cell, behind_m = map(
         np.array, (y, mu, noise_db2, count, cell, behind_m)
     )
     about = np.array([np.average(mu[cell == one], weights=count[cell == one]) for one in cell])
     same, alike = cell[:, None] == cell, query.group[cell][:, None] == query.group[cell]
     away_m = np.abs(behind_m[:, None] - behind_m)
-    # A density to the power of w is one of noise / w, but for this factor.
-    known = 0.5 * np.sum(np.log(2.0 * np.pi * noise_db2 / count))
-    known += np.sum(count * (np.log(BACKGROUND_SPAN_DB) - 0.5 * np.log(2.0 * np.pi * noise_db2)))
     told = []
-    for missed_db, field in ((y - mu, DRIFT), (y - mu, MUCH_DRIFT), (y - about, SHADOWING)):
-        law = np.diag(noise_db2 / count)
+    for missed_db, field, times in (
+        (y - mu, DRIFT, 1.0),
+        (y - mu, MUCH_DRIFT, 1.0),
+        (y - mu, DRIFT, NOISE_TIMES),
+        (y - about, SHADOWING, 1.0),
+    ):
+        of_noise_db2 = times * noise_db2
+        # A density to the power of w is one of noise / w, but for this factor.
+        known = 0.5 * np.sum(np.log(2.0 * np.pi * of_noise_db2 / count))
+        background = np.log(BACKGROUND_SPAN_DB) - 0.5 * np.log(2.0 * np.pi * of_noise_db2)
+        known += np.sum(count * background)
+        law = np.diag(of_noise_db2 / count)
         law = law + same * field.sd_db**2 * np.exp(-away_m / field.length_m)
         parts = []
         for log_group, group_db2 in (
@@ -128,7 +136,7 @@ def test_what_lies_beyond_the_road_says_nothing():
     index = index_of(cells=6)
     window = next(iter(windows(city_of(cells=6), 1, length_m=30.0))).window
     strange = window.rsrp_dbm.copy()
-    strange[:-1] -= 8.0
+    strange[:-1] -= 25.0
     road, prior = index.roads[0], index.offset_prior.at(1.0)
     told = [
         log_likelihoods(ask(index, each), road, OnRoad.of(road, 1, 0.0), 1.0, prior)
@@ -153,6 +161,19 @@ def factor_of(index: MapIndex, window: Window) -> float:
     return best_fit_of(index, window).factor
 
 
+def here_of(index: MapIndex, window: Window) -> float:
+    """Log likelihood of this road, drifted little, at the best place."""
+    query = ask(index, window)
+    places = place(index, query).places
+    best = int(places.score.argmax())
+    number, sign = places.where[:, best].tolist()
+    road = index.roads[number]
+    at = OnRoad.of(road, sign, float(places.chainage_m[best]))
+    prior = query.prior(index)
+    cooled = min(prior.temperature, 1.0)
+    return log_likelihoods(query, road, at, cooled, prior.at(1.0)).here
+
+
 def best_fit_of(index: MapIndex, window: Window, own: RoadIndex | None = None) -> Fit:
     query = ask(index, window)
     places = place(index, query).places
@@ -162,14 +183,17 @@ def best_fit_of(index: MapIndex, window: Window, own: RoadIndex | None = None) -
 
 
 def test_what_has_drifted_is_still_this_road():
-    """A cell 3 dB off all along costs less than readings that stray as far, each for itself."""
+    """
+    A cell 3 dB off all along costs less than readings that stray as far, each for itself: by the
+    law of this road as the survey's devices read it.
+    """
     index = index_of(cells=6)
     rng, gentle, rough = np.random.default_rng(4), [], []
     for one in windows(city_of(cells=6), 20, length_m=30.0):
         window = one.window
         stray = rng.choice([-3.0, 3.0], window.rsrp_dbm.shape)
         for found, by_db in ((gentle, stray[:1]), (rough, stray)):
-            found.append(factor_of(index, replace(window, rsrp_dbm=window.rsrp_dbm + by_db)))
+            found.append(here_of(index, replace(window, rsrp_dbm=window.rsrp_dbm + by_db)))
     assert np.median(gentle) > np.median(rough) + 20.0
 
 

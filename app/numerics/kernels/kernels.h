@@ -143,7 +143,7 @@ typedef struct {
 /* Other laws of a window's levels: app.numerics.this_road. */
 typedef struct {
     double drift_db2, drift_m, much_drift_db2, much_drift_m, shadowing_db2, shadowing_m;
-    double background_log, temperature;
+    double noise_times, background_log, temperature;
 } Laws;
 
 /* A place on a road: so far from grid position `low` to the next. */
@@ -179,7 +179,7 @@ int weigh_elsewhere(const double *block, ptrdiff_t samples, ptrdiff_t cells, con
 
 /* this_road.c */
 int weigh_this_road(const Told *told, const Along *along, const OnRoad *at, const Laws *laws,
-                    const Field *field, const Likelihood *devices, double found[4]);
+                    const Field *field, const Likelihood *devices, double found[5]);
 
 /* tape.c */
 int score_tape(const Told *told, const Tape *tape, const int64_t *positions, ptrdiff_t count,

@@ -132,7 +132,7 @@ static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 23))
+    if (!begin(&call, arguments, given, 24))
         return NULL;
     Told window = told(&call);
     Along profile = along(&call, 'r');
@@ -148,18 +148,20 @@ static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_
     laws.much_drift_m = number(&call);
     laws.shadowing_db2 = number(&call);
     laws.shadowing_m = number(&call);
+    laws.noise_times = number(&call);
     laws.background_log = number(&call);
     laws.temperature = number(&call);
     Field field = any_field(&call);
     Likelihood devices = likelihood(&call);
     demand(&call, at.sign == 1 || at.sign == -1, "not a direction");
     demand(&call, 0 <= at.low && at.low < profile.columns - 3, "beyond the road");
-    double found[4] = {0.0, 0.0, 0.0, 0.0};
+    demand(&call, laws.noise_times > 0.0, "no noise");
+    double found[5] = {0.0, 0.0, 0.0, 0.0, 0.0};
     if (!call.failed)
         check(&call, weigh_this_road(&window, &profile, &at, &laws, &field, &devices, found));
     return release(&call, call.failed ? NULL
-                                      : Py_BuildValue("dddd", found[0], found[1], found[2],
-                                                      found[3]));
+                                      : Py_BuildValue("ddddd", found[0], found[1], found[2],
+                                                      found[3], found[4]));
 }
 
 static PyObject *tape(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
@@ -486,7 +488,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 18);
+    return PyModule_AddIntConstant(module, "VERSION", 21);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

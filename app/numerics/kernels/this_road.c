@@ -4,27 +4,37 @@
 
 #include <stdlib.h>
 
+/* The laws, a lane each: this road, much drifted, noisier, and another road. */
+enum { HERE, DRIFTED, NOISIER, ANOTHER, ANY };
+
+/* What is known of a cell's field under each law, and its sums so far. */
+typedef struct {
+    LooseLanes level_db, one_db, doubt_db2, squares, residual, weight;
+} Strand;
+
 /* Readings beside what the road makes of them; everything of shape (samples, cells). */
 typedef struct {
-    double *count, *mean_db, *missed_db, *precision;
-    Filter *each;  /* of each cell */
-    double *about; /* of each cell: twice, sums of counts and of levels */
-    Own *own;      /* of each group */
+    double *count, *mean_db, *precision;
+    double *about; /* of each cell: the sum of counts, and of levels, later their mean */
+    Filter *each;  /* of each cell, under the law of any road */
+    Strand *strand; /* of each cell, under the others */
+    Own *own;       /* of each group */
 } Work;
 
 static int allocate(Work *work, const Told *told)
 {
     size_t readings = (size_t)(told->samples * told->cells), cells = (size_t)told->cells;
-    work->count = calloc(1, (4 * readings + 2 * cells) * sizeof(double) + cells * sizeof(Filter) +
+    work->count = calloc(1, (3 * readings + 2 * cells) * sizeof(double) +
+                                cells * (sizeof(Filter) + sizeof(Strand)) +
                                 (size_t)told->groups * sizeof(Own));
     if (work->count == NULL)
         return OUT_OF_MEMORY;
     work->mean_db = work->count + readings;
-    work->missed_db = work->mean_db + readings;
-    work->precision = work->missed_db + readings;
+    work->precision = work->mean_db + readings;
     work->about = work->precision + readings;
     work->each = (Filter *)(work->about + 2 * cells);
-    work->own = (Own *)(work->each + cells);
+    work->strand = (Strand *)(work->each + cells);
+    work->own = (Own *)(work->strand + cells);
     return 0;
 }
 
@@ -63,7 +73,6 @@ static double expect(Work *work, const Told *told, const Along *along, const OnR
             if (!(precision > 0.0))
                 continue;
             work->count[place] = count;
-            work->missed_db[place] = told->level_db[place] - work->mean_db[place];
             work->precision[place] = count * precision;
             work->about[2 * k] += count;
             work->about[2 * k + 1] += count * work->mean_db[place];
@@ -73,29 +82,97 @@ static double expect(Work *work, const Told *told, const Along *along, const OnR
     return known;
 }
 
-/* Log likelihood of a field about what is expected, offsets integrated out. */
-static double settled(Work *work, const Told *told, double field_db2, double field_m,
-                      const Likelihood *devices)
+typedef struct {
+    Lanes product, log;
+} Spreads;
+
+static void take_logs(Spreads *spreads)
 {
-    Levels levels = {told->samples, told->cells, told->behind_m, work->missed_db, work->precision};
-    double sum = -filter_levels(&levels, field_db2, field_m, work->each);
+    for (int lane = 0; lane < LANES; lane++)
+        spreads->log[lane] += log(spreads->product[lane]);
+    spreads->product = (Lanes){1.0, 1.0, 1.0, 1.0};
+}
+
+static void hear(Strand *one, Lanes missed_db, Lanes precision, Spreads *spreads)
+{
+    Lanes spread = one->doubt_db2 * precision + 1.0, innovation = precision / spread;
+    Lanes gain = one->doubt_db2 * innovation;
+    missed_db -= one->level_db;
+    Lanes missed_one = 1.0 - one->one_db;
+    one->squares += innovation * missed_db * missed_db;
+    one->residual += innovation * missed_db * missed_one;
+    one->weight += innovation * missed_one * missed_one;
+    one->level_db += gain * missed_db;
+    one->one_db += gain * missed_one;
+    one->doubt_db2 *= 1.0 - gain;
+    spreads->product *= spread;
+    for (int lane = 0; lane < LANES; lane++)
+        if (spreads->product[lane] > MOST_PRODUCT) {
+            take_logs(spreads);
+            break;
+        }
+}
+
+/* app.numerics.elsewhere.filtered under all laws at once; the logs of their spreads' products. */
+static Lanes filter_all(Work *work, const Told *told, const Laws *laws)
+{
+    Lanes field_db2 = {laws->drift_db2, laws->much_drift_db2, laws->drift_db2, laws->shadowing_db2};
+    Lanes field_m = {laws->drift_m, laws->much_drift_m, laws->drift_m, laws->shadowing_m};
+    Lanes part = {1.0, 1.0, 1.0 / laws->noise_times, 1.0};
+    Spreads spreads = {{1.0, 1.0, 1.0, 1.0}, {0}};
+    for (ptrdiff_t k = 0; k < told->cells; k++) {
+        work->strand[k] = (Strand){.doubt_db2 = field_db2};
+        work->about[2 * k + 1] /= fmax(work->about[2 * k], 1e-9);
+    }
+    Lanes share = {1.0, 1.0, 1.0, 1.0};
+    double last_m = 0.0; /* most samples lie as far apart as the two before */
+    for (ptrdiff_t row = 0; row < told->samples; row++) {
+        double apart_m = row > 0 ? told->behind_m[row] - told->behind_m[row - 1] : 0.0;
+        for (int lane = 0; apart_m != last_m && lane < LANES; lane++)
+            share[lane] = exp(-apart_m / field_m[lane]);
+        last_m = apart_m;
+        Lanes grown_db2 = (1.0 - share * share) * field_db2;
+        for (ptrdiff_t k = 0; k < told->cells; k++) {
+            Strand *one = work->strand + k;
+            one->level_db *= share;
+            one->one_db *= share;
+            one->doubt_db2 = share * share * one->doubt_db2 + grown_db2;
+            ptrdiff_t place = row * told->cells + k;
+            if (!(work->count[place] > 0.0))
+                continue;
+            double level_db = told->level_db[place], here_db = level_db - work->mean_db[place];
+            Lanes missed_db = {here_db, here_db, here_db, level_db - work->about[2 * k + 1]};
+            hear(one, missed_db, part * work->precision[place], &spreads);
+        }
+    }
+    take_logs(&spreads);
+    return spreads.log;
+}
+
+/* Log likelihoods of fields about what is expected, offsets integrated out. */
+static void settle_all(Work *work, const Told *told, const Laws *laws, const Likelihood *devices,
+                       double found[LANES])
+{
+    Lanes sum = -filter_all(work, told, laws);
     for (ptrdiff_t group = 0; group < told->groups; group++)
         work->own[group] = (Own){{0}, {0}};
     for (ptrdiff_t k = 0; k < told->cells; k++) {
-        sum -= work->each[k].squares;
-        work->own[told->group[k]].residual += work->each[k].residual;
-        work->own[told->group[k]].weight += work->each[k].weight;
+        sum -= work->strand[k].squares;
+        work->own[told->group[k]].residual += work->strand[k].residual;
+        work->own[told->group[k]].weight += work->strand[k].weight;
     }
     Both sums = {{{0}, {0}, {0}}, {{0}, {0}, {0}}};
     Shares shares = {exp(devices->like_log), exp(devices->any_log)};
-    double said[4];
     take_groups(work->own, told->groups, devices, &sums);
-    settle(&sums, 0, devices, shares, said);
-    return 0.5 * sum + said[0];
+    for (int lane = 0; lane < LANES; lane++) {
+        double said[4];
+        settle(&sums, lane, devices, shares, said);
+        found[lane] = 0.5 * sum[lane] + said[0];
+    }
 }
 
 int weigh_this_road(const Told *told, const Along *along, const OnRoad *at, const Laws *laws,
-                    const Field *field, const Likelihood *devices, double found[4])
+                    const Field *field, const Likelihood *devices, double found[5])
 {
     for (ptrdiff_t k = 0; k < told->cells; k++)
         if (told->numbers[k] >= along->cells)
@@ -103,27 +180,22 @@ int weigh_this_road(const Told *told, const Along *along, const OnRoad *at, cons
     Work work;
     if (allocate(&work, told) < 0)
         return OUT_OF_MEMORY;
-    double known = expect(&work, told, along, at, laws);
+    double known = expect(&work, told, along, at, laws), readings = 0.0;
     int fault = isnan(known) ? OUT_OF_BOUNDS : 0;
     if (fault == 0) {
-        found[0] = known + settled(&work, told, laws->drift_db2, laws->drift_m, devices);
-        found[1] = known + settled(&work, told, laws->much_drift_db2, laws->much_drift_m, devices);
-        for (ptrdiff_t i = 0; i < told->samples; i++)
-            for (ptrdiff_t k = 0; k < told->cells; k++) {
-                double about_db = work.about[2 * k + 1] / fmax(work.about[2 * k], 1e-9);
-                ptrdiff_t place = i * told->cells + k;
-                work.missed_db[place] = told->level_db[place] - about_db;
-            }
-        found[2] = known + settled(&work, told, laws->shadowing_db2, laws->shadowing_m, devices);
-        double readings = 0.0;
+        settle_all(&work, told, laws, devices, found);
+        for (int law = HERE; law < ANY; law++)
+            found[law] += known;
         for (ptrdiff_t k = 0; k < told->cells; k++)
             readings += work.about[2 * k];
+        found[NOISIER] -= 0.5 * log(laws->noise_times) * readings;
         for (ptrdiff_t place = 0; place < told->samples * told->cells; place++)
             work.precision[place] = work.count[place] / field->noise_db2;
         Levels levels = {told->samples, told->cells, told->behind_m, told->level_db,
                          work.precision};
-        found[3] = any_road(&levels, field->mean_db2, field->field_db2, field->field_m, work.each) +
-                   field->reading_log * readings;
+        found[ANY] = any_road(&levels, field->mean_db2, field->field_db2, field->field_m,
+                              work.each) +
+                     field->reading_log * readings;
     }
     free(work.count);
     return fault;

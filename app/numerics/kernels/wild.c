@@ -48,18 +48,35 @@ static void hear(Heard *known, const double *distance_m, const double *rsrp_dbm,
     }
 }
 
-/* How far a reading strays from the median about it; NaN where too few are near. */
+/* How far a reading strays from the median about it, 0 where all are alike; NaN where too few are
+ * near. */
 static double stray(const Heard *known, ptrdiff_t at, const Hampel *filter)
 {
-    double about[MOST_ABOUT];
+    double about[MOST_ABOUT], least_dbm = known->level_dbm[at], most_dbm = least_dbm;
     ptrdiff_t near = 0;
     for (ptrdiff_t i = at - filter->neighbours; i <= at + filter->neighbours; i++)
         if (i >= 0 && i < known->heard &&
-            fabs(known->at_m[i] - known->at_m[at]) <= filter->reach_m)
+            fabs(known->at_m[i] - known->at_m[at]) <= filter->reach_m) {
             about[near++] = known->level_dbm[i];
+            least_dbm = fmin(least_dbm, known->level_dbm[i]);
+            most_dbm = fmax(most_dbm, known->level_dbm[i]);
+        }
     if (near < filter->least)
         return NAN;
+    if (most_dbm - least_dbm <= filter->sure_db)
+        return 0.0;
     return fabs(known->level_dbm[at] - median_of(about, near));
+}
+
+/* Whether most readings of a sample stray. */
+static int is_a_step(const double *stray_db, ptrdiff_t width, double most_db)
+{
+    ptrdiff_t told = 0, wild = 0;
+    for (ptrdiff_t cell = 0; cell < width; cell++) {
+        told += !isnan(stray_db[cell]);
+        wild += stray_db[cell] > most_db;
+    }
+    return 2 * wild > told;
 }
 
 ptrdiff_t leave_out_wild(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
@@ -83,15 +100,22 @@ ptrdiff_t leave_out_wild(const double *distance_m, const double *rsrp_dbm, ptrdi
     }
     if (doubted > 0) {
         qsort(known.step_db, (size_t)known.steps, sizeof *known.step_db, rising);
-        double median_db = 0.5 * (known.step_db[(known.steps - 1) / 2] +
-                                  known.step_db[known.steps / 2]);
+        const double *middle = known.step_db + known.steps / 2;
+        double median_db = known.steps == 0      ? 0.0
+                           : known.steps % 2 > 0 ? middle[0]
+                                                 : 0.5 * (middle[-1] + middle[0]);
         double most_db = fmax(filter->sure_db, filter->times * median_db);
         memcpy(left_dbm, rsrp_dbm, readings * sizeof *left_dbm);
-        for (size_t place = 0; place < readings; place++)
-            if (stray_db[place] > most_db) {
-                left_dbm[place] = NAN;
-                wild++;
-            }
+        for (ptrdiff_t i = 0; i < samples; i++) {
+            const double *row = stray_db + i * width;
+            if ((i == 0 || i == samples - 1) && is_a_step(row, width, most_db))
+                continue;
+            for (ptrdiff_t cell = 0; cell < width; cell++)
+                if (row[cell] > most_db) {
+                    left_dbm[i * width + cell] = NAN;
+                    wild++;
+                }
+        }
     }
     free(room);
     return wild;
