@@ -20,7 +20,9 @@ from app.numerics.posterior import APART, RESIDUAL, SCORE, Places
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
 from app.numerics.tapes import BOTH
-from app.numerics.this_road import log_factor
+from app.numerics.this_road import weigh
+
+WORTH_TELLING = 1.05  # times the surveys' noise: with less, nothing is worked out anew
 
 _new = tuple.__new__  # a window that fits everywhere names a thousand: a third of the time
 
@@ -48,6 +50,11 @@ def answer(
     known = 0.0 if log_prior is None or told.best < before else float(log_prior[told.best - before])
     fit = fit_of_place(index, query, places, told.best, temperature * known)
     off_map = off_map_probability(index.calibration, fit, query.information(index.calibration))
+    if fit is not None and fit.noise > WORTH_TELLING:
+        louder = _of_noise(places, fit.noise, temperature, log_prior)
+        told = summarise(
+            index, louder, temperature * fit.noise, confidence, in_c=query.told is not None
+        )
     road, sign = index.roads[told.road], int(places.sign[told.peak])
     segment = road.segment_at(told.chainage_m)
     residual, weight = places.values[RESIDUAL:APART, told.peak].tolist()
@@ -79,6 +86,20 @@ def answer(
     )
 
 
+def _of_noise(
+    places: Places, times: float, temperature: float, log_prior: Float[np.ndarray, " last"] | None
+) -> Places:
+    """
+    Places whose scores are to be divided by more, as readings of a noisier device say less; what is
+    known of the last places beforehand is no less known for it.
+    """
+    if log_prior is None or not len(log_prior):
+        return places
+    values = places.values.copy()
+    values[SCORE, -len(log_prior) :] += log_prior * (temperature * (times - 1.0))
+    return Places(places.where, values)
+
+
 def fit_of_place(
     index: MapIndex,
     query: Query,
@@ -97,15 +118,18 @@ def fit_of_place(
     if not query.cells:
         return None
     score, *offsets = places.values[SCORE:, place].tolist()
-    prior, calibration, elsewhere, factor = query.prior(index), index.calibration, 0.0, 0.0
+    prior, calibration, elsewhere = query.prior(index), index.calibration, 0.0
+    factor, noise = 0.0, 1.0
     alone = err_apart(calibration)
     if not alone or any(calibration.off_map[ELSEWHERE:FACTOR]):  # only older maps ask for both
         elsewhere = query.elsewhere(calibration)
     if alone:
         number, sign = places.where[:, place].tolist()
         road = own if own is not None and own.number == number else index.roads[number]
-        factor = log_factor(query, road, sign, float(places.chainage_m[place]), prior)
-    return best_fit((score - raised_by, *offsets), prior, query.fine, elsewhere, factor)
+        told = weigh(query, road, sign, float(places.chainage_m[place]), prior)
+        factor, noise = told.log_factor, told.noise
+    sums = (score - raised_by, *offsets)
+    return best_fit(sums, prior, query.fine, elsewhere, factor)._replace(noise=noise)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

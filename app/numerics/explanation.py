@@ -23,7 +23,7 @@ from app.numerics.index import MapIndex
 from app.numerics.offmap import err_apart
 from app.numerics.query import Query, ask
 from app.numerics.rivals import answered_place, runner_up
-from app.numerics.this_road import log_factor
+from app.numerics.this_road import weigh
 
 EXPECTED_FROM = 0.5  # a cell this probable at the answer's place, and never heard, is missing
 VARIANCE, DIFFERENCE = FEATURE_KINDS.index("variance"), FEATURE_KINDS.index("mean_difference")
@@ -275,7 +275,7 @@ def _factor(index: MapIndex, query: Query, place: Place) -> float | None:
     if not (query.cells and err_apart(index.calibration)):
         return None
     road, prior = index.roads[place.road], query.prior(index)
-    return log_factor(query, road, place.sign, place.chainage_m, prior)
+    return weigh(query, road, place.sign, place.chainage_m, prior).log_factor
 
 
 def _readings(query: Query) -> float:

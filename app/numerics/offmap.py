@@ -42,6 +42,7 @@ class Fit(NamedTuple):
             `app.numerics.elsewhere`.
         factor: How much more probable the levels are on this road than on others, by the logarithm,
             see `app.numerics.this_road`; 0 where samples do not err each for itself.
+        noise: How many times the surveys' variance the device's noise has, likewise; else 1.
     """
 
     per_reading: float
@@ -51,6 +52,7 @@ class Fit(NamedTuple):
     weight: float = 0.0
     elsewhere: float = 0.0
     factor: float = 0.0
+    noise: float = 1.0
 
     def heard_by(self, offset_db: float, prior: OffsetPrior) -> Fit:
         """

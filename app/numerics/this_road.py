@@ -68,9 +68,18 @@ class Likelihoods(NamedTuple):
     @property
     def log_factor(self) -> float:
         """Of this road against the others."""
-        here = _either(LITTLE_LOG + self.here, MUCH_LOG + self.drifted)
-        here = _either(here, NOISIER_LOG + self.noisier)
-        return here - or_featureless(_either(ANY_LOG + self.any_road, ANOTHER_LOG + self.another))
+        others = _either(ANY_LOG + self.any_road, ANOTHER_LOG + self.another)
+        return _either(self._as_surveyed, NOISIER_LOG + self.noisier) - or_featureless(others)
+
+    @property
+    def noise(self) -> float:
+        """How many times the surveys' variance the device's noise has, expected on this road."""
+        odds = math.exp(min(self._as_surveyed - NOISIER_LOG - self.noisier, 700.0))
+        return 1.0 + (NOISE_TIMES - 1.0) / (1.0 + odds)
+
+    @property
+    def _as_surveyed(self) -> float:
+        return _either(LITTLE_LOG + self.here, MUCH_LOG + self.drifted)
 
 
 def _either(one: float, other: float) -> float:
@@ -101,11 +110,11 @@ class OnRoad(NamedTuple):
         return cls(low, min(at - low, 1.0), sign, road.step_m)
 
 
-def log_factor(
+def weigh(
     query: Query, road: RoadIndex, sign: int, chainage_m: float, prior: OffsetPrior
-) -> float:
+) -> Likelihoods:
     """
-    Log of how much more probable a window's levels are on this road than on others.
+    What each law makes of a window's levels at a place.
 
     Args:
         sign, chainage_m: Where on the road it fits best.
@@ -114,18 +123,16 @@ def log_factor(
     at, temperature = OnRoad.of(road, sign, chainage_m), min(prior.temperature, 1.0)
     devices = prior.at(max(prior.temperature, 1.0))
     if query.told is None:
-        found = log_likelihoods(query, road, at, temperature, devices)
-    else:
-        found = Likelihoods(
-            *native_laws.log_likelihoods(
-                query.aimed(query.told, road.column),
-                road.along.rows,
-                at,
-                (*KERNEL_LAWS, temperature),
-                native.likelihood(devices),
-            )
+        return log_likelihoods(query, road, at, temperature, devices)
+    return Likelihoods(
+        *native_laws.log_likelihoods(
+            query.aimed(query.told, road.column),
+            road.along.rows,
+            at,
+            (*KERNEL_LAWS, temperature),
+            native.likelihood(devices),
         )
-    return found.log_factor
+    )
 
 
 def log_likelihoods(

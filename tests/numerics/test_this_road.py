@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from app.domain import Window
 from app.evaluation.scenario import build_city, preset, windows
 from app.numerics.answer import fit_of_place
+from app.numerics.geodesy import distance_m as apart_m
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.matching import locate, place
 from app.numerics.observation import BACKGROUND_SPAN_DB, TERMS
@@ -25,8 +26,8 @@ from app.numerics.this_road import (
     NOISE_TIMES,
     SHADOWING,
     OnRoad,
-    log_factor,
     log_likelihoods,
+    weigh,
 )
 from tests.numerics.cities import city_of, index_of, models_of
 from tests.numerics.test_native import a_window, built
@@ -125,10 +126,11 @@ def test_the_kernel_says_the_same(seed, number, sign, share, temperature):
     index, window = gentle_index(seed % 5), a_window(seed)
     road, prior = index.roads[number], index.offset_prior.at(temperature)
     ours, wanted = (
-        log_factor(ask(index, window, in_c=in_c), road, sign, share * road.length_m, prior)
+        weigh(ask(index, window, in_c=in_c), road, sign, share * road.length_m, prior)
         for in_c in (True, False)
     )
-    assert ours == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+    assert tuple(ours) == pytest.approx(tuple(wanted), rel=1e-9, abs=1e-9)
+    assert ours.log_factor == pytest.approx(wanted.log_factor, rel=1e-9, abs=1e-9)
 
 
 def test_what_lies_beyond_the_road_says_nothing():
@@ -242,3 +244,31 @@ def test_strangers_of_another_city_are_told():
     ]
     assert refused[0] == 0.0
     assert refused[1] > 0.9
+
+
+def test_a_noisy_device_is_on_its_road_and_less_sure_where():
+    """Noise of 4 dB on a map of 2 dB: not refused, and radii that hold what they say."""
+    index, held, wide, refused = index_of(cells=6), [], [], []
+    rng = np.random.default_rng(11)
+    for one in windows(city_of(cells=6), 60, length_m=30.0):
+        noisy = one.window.rsrp_dbm + rng.normal(0.0, 3.5, one.window.rsrp_dbm.shape)
+        window = replace(one.window, rsrp_dbm=noisy)
+        fix, quiet = (locate(index, each) for each in (window, one.window))
+        refused.append(fix.off_map)
+        held.append(
+            float(apart_m(fix.lon, fix.lat, one.truth.lon, one.truth.lat)) <= fix.accuracy_m
+        )
+        wide.append(fix.accuracy_m / quiet.accuracy_m)
+    assert not any(refused)
+    assert 0.5 < np.mean(held) < 0.95
+    assert np.median(wide) > 1.4
+
+
+def test_noise_is_told_by_windows_of_enough_readings():
+    """Of the survey's own noise hardly any window is taken for a noisy device's."""
+    index = index_of(cells=6)
+    told = [
+        best_fit_of(index, one.window).noise for one in windows(city_of(cells=6), 40, length_m=30.0)
+    ]
+    assert np.median(told) < 1.01
+    assert np.mean(np.array(told) > 2.0) < 0.05
