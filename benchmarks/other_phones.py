@@ -79,9 +79,10 @@ def folds_of(
 def described(rows: Sequence[Row]) -> str:
     """A line of figures."""
     road, _, _, error_m, said, _, in68, in95, refused, here, strange = np.array(rows, dtype=float).T
+    ece = calibration_error(curve_of(said, road > 0.0))
     return (
         f"{len(rows)} windows  road {road.mean():.1%}, said {said.mean():.1%}  "
-        f"median {np.median(error_m):5.1f} m  ECE {calibration_error(curve_of(said, road > 0.0)):.1%}  "
+        f"median {np.median(error_m):5.1f} m  ECE {ece:.1%}  "
         f"68 % radius {in68.mean():.0%}  95 % {in95.mean():.0%}  refused {refused.mean():.1%}  "
         f"AUROC {auroc(strange, here):.3f}"
     )

@@ -30,6 +30,9 @@ def explanation_document(index: MapIndex, window: Window, fix: Fix) -> Document:
         "fit": told.fit,
         "any_road": told.any_road,
         "this_road": told.this_road,
+        "noise": told.noise,
+        "silence": told.silence,
+        "left_out": [one._asdict() for one in told.left_out],
         "samples": _samples(told),
         "not_heard": [
             {"cell": cell, "hearing": hearing, "contribution": told.answer.told.silent[cell]}

@@ -8,12 +8,14 @@ that a track has moved is explained by what its window says by itself.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from app.domain import FEATURE_KINDS, Direction, Fix, Window
-from app.numerics import native
+from app.numerics import carriers, native
+from app.numerics.answer import WORTH_TELLING
 from app.numerics.contributions import Contributions, Place, contributions
 from app.numerics.elsewhere import log_evidence, or_featureless
 from app.numerics.expected import Expected, expected
@@ -23,7 +25,8 @@ from app.numerics.index import MapIndex
 from app.numerics.offmap import err_apart
 from app.numerics.query import Query, ask
 from app.numerics.rivals import answered_place, runner_up
-from app.numerics.this_road import weigh
+from app.numerics.this_road import Likelihoods, weigh
+from app.numerics.wild import without_wild
 
 EXPECTED_FROM = 0.5  # a cell this probable at the answer's place, and never heard, is missing
 VARIANCE, DIFFERENCE = FEATURE_KINDS.index("variance"), FEATURE_KINDS.index("mean_difference")
@@ -83,6 +86,14 @@ class CellShare:
         return self.level + self.hearing
 
 
+class WildReading(NamedTuple):
+    """A reading that its neighbours contradict (`app.numerics.wild`), and where it was read."""
+
+    cell: str
+    behind_m: float
+    rsrp_dbm: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Explanation:
     """
@@ -91,18 +102,21 @@ class Explanation:
     Attributes:
         cells: Heard cells of the window that the map has, sorted; the columns of all matrices.
         behind_m: Travelled distance from each sample to the last one, oldest sample first.
-        rsrp_dbm: The samples used, oldest first; NaN where not heard.
+        rsrp_dbm: The samples used, oldest first; NaN where not heard, or left out.
         answer, runner_up: The place that was answered, and the best one on another road, or of
             another sub-segment or direction where the map has no other road.
         shares: What each cell adds to the difference of the two scores, the largest first.
         offset: What other device offsets than the answer's add to it; negative where the runner-up
             would need one. Shares and offset add up to the difference.
-        temperature: Scores are divided by it before they become probabilities.
+        temperature: Scores are divided by it before they become probabilities; times ``noise``.
         features: The window's own. Shape ``(5, cells)``.
         fit: How well the window fits at the answer's place, nats a reading; None without cells.
         any_road: How probable its levels are on a road of which nothing is known, likewise.
         this_road: Log of how much more probable they are here than on others, what readings share
             counted (`app.numerics.this_road`); None without cells, and where samples err together.
+        noise: How many times the surveys' variance the device's noise has; 1 where nobody knows.
+        silence: For how much it counts that it lists no other cells (`app.numerics.listing`).
+        left_out: Wild readings, oldest first; they are in nothing else here.
     """
 
     cells: tuple[str, ...]
@@ -119,6 +133,9 @@ class Explanation:
     fit: float | None
     any_road: float | None
     this_road: float | None
+    noise: float
+    silence: float
+    left_out: tuple[WildReading, ...]
 
     @property
     def difference(self) -> float:
@@ -154,7 +171,8 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
     used = slice(len(window.distance_m) - query.samples, None)
     behind_m = window.distance_m[-1] - window.distance_m[used]
     column = {cell: at for at, cell in enumerate(window.cells)}
-    rsrp_dbm = window.rsrp_dbm[used][:, [column[cell] for cell in query.cells]]
+    read_dbm = window.rsrp_dbm[used][:, [column[cell] for cell in query.cells]]
+    rsrp_dbm = without_wild(window.distance_m[used], read_dbm)
     here = answered_place(index, query, fix)
     there = runner_up(index, query, here)
     road = index.roads[here.road]
@@ -162,6 +180,8 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
     sight = _Sight(index, query, behind_m, rsrp_dbm, reference)
     answer = sight.account(here)
     rival = sight.account(there, answer.told.offset_db)  # it is one device, wherever it was
+    laws = _laws(index, query, here)
+    noise = 1.0 if laws is None or laws.noise <= WORTH_TELLING else laws.noise
     return Explanation(
         cells=query.cells,
         behind_m=behind_m,
@@ -171,14 +191,17 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
         runner_up=rival,
         shares=_shares(query.cells, answer.told, rival.told),
         offset=answer.told.offset - rival.told.offset,
-        temperature=query.temperature(index.calibration),
+        temperature=query.temperature(index.calibration) * noise,
         features=sight.features(rsrp_dbm),
         reference=reference if reference in query.cells else None,
         fit=_fit(query, answer.told) if query.cells else None,
         any_road=or_featureless(log_evidence(query.fine)) / _readings(query)
         if query.cells
         else None,
-        this_road=_factor(index, query, here),
+        this_road=None if laws is None else laws.log_factor,
+        noise=noise,
+        silence=_silence(query),
+        left_out=_left_out(query.cells, behind_m, read_dbm, rsrp_dbm),
     )
 
 
@@ -270,12 +293,31 @@ def _fit(query: Query, told: Contributions) -> float:
     return (told.score - told.gain + free) / _readings(query)
 
 
-def _factor(index: MapIndex, query: Query, place: Place) -> float | None:
-    """`app.numerics.offmap.Fit.factor` at the place, where it counts."""
+def _laws(index: MapIndex, query: Query, place: Place) -> Likelihoods | None:
+    """`app.numerics.this_road` at the place, where it counts."""
     if not (query.cells and err_apart(index.calibration)):
         return None
     road, prior = index.roads[place.road], query.prior(index)
-    return weigh(query, road, place.sign, place.chainage_m, prior).log_factor
+    return weigh(query, road, place.sign, place.chainage_m, prior)
+
+
+def _silence(query: Query) -> float:
+    """What the shares of a carrier's cells sum to, in any sample that heard it."""
+    number = carriers.numbers(query.cells)
+    return float((query.fine.share @ (number[:, None] == number)).max(initial=0.0)) or 1.0
+
+
+def _left_out(
+    cells: tuple[str, ...],
+    behind_m: Float[np.ndarray, " samples"],
+    read_dbm: Float[np.ndarray, "samples cells"],
+    kept_dbm: Float[np.ndarray, "samples cells"],
+) -> tuple[WildReading, ...]:
+    rows, columns = np.nonzero(np.isnan(kept_dbm) & ~np.isnan(read_dbm))
+    return tuple(
+        WildReading(cells[column], float(behind_m[row]), float(read_dbm[row, column]))
+        for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+    )
 
 
 def _readings(query: Query) -> float:

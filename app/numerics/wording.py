@@ -42,8 +42,31 @@ def sentences(told: Explanation, fix: Fix) -> tuple[str, ...]:
     if not told.cells:
         return ("None of the window's cells is on the map: nothing tells one place from another.",)
     if fix.off_map:
-        return (_misfit(told, fix), *_astray(told))
-    return (_verdict(told), *_corner(told), *_separators(told))
+        return (_misfit(told, fix), *_astray(told), *_device(told))
+    return (_verdict(told), *_corner(told), *_separators(told), *_device(told))
+
+
+def _device(told: Explanation) -> list[str]:
+    """What of the window counts for less, or not at all."""
+    said = []
+    if told.left_out:
+        one, count = told.left_out[-1], len(told.left_out)
+        them = "1 reading is" if count == 1 else f"{count} readings are"
+        said.append(
+            f"{them} left out, as those about it contradict it: the last one is cell {one.cell} at "
+            f"{one.rsrp_dbm:.0f} dBm, {one.behind_m:.0f} m before the end."
+        )
+    if told.silence < 1.0:
+        said.append(
+            "The device lists fewer cells than the surveys' did: that others were not heard counts "
+            f"for {told.silence:.0%}."
+        )
+    if told.noise > 1.0:
+        said.append(
+            f"The device is noisier than the surveys' were: variance times {told.noise:.1f}, and a "
+            "fix as much less sure."
+        )
+    return said
 
 
 def _corner(told: Explanation) -> list[str]:

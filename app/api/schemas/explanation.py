@@ -71,6 +71,14 @@ class MissingCell(BaseModel):
     contribution: float = Field(description="Of its silence to the answer's score, nats.")
 
 
+class LeftOutReading(BaseModel):
+    """A reading that was left out of everything else."""
+
+    cell: str
+    behind_m: float = Field(description="Travelled distance from it to the last sample.")
+    rsrp_dbm: float
+
+
 class ExplainedFeature(BaseModel):
     """
     One kind of feature; one value a cell, in the order of `samples.cells`.
@@ -124,6 +132,17 @@ class ExplanationDocument(BaseModel):
     this_road: float | None = Field(
         description="Log of how much more probable its levels are at the answer than on other "
         "roads, what readings share counted, nats in all; null where samples err together."
+    )
+    noise: float = Field(
+        description="How many times the surveys' variance the device's noise has; 1 where samples "
+        "err together. `temperature` has it in it."
+    )
+    silence: float = Field(
+        description="For how much it counts that the window lists no other cells, 0 to 1: less "
+        "where it lists fewer than the surveys did."
+    )
+    left_out: list[LeftOutReading] = Field(
+        description="Wild readings, which the readings about them contradict; oldest first."
     )
     samples: ExplainedSamples
     not_heard: list[MissingCell] = Field(description="The most probable first.")
