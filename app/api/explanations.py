@@ -33,6 +33,7 @@ def explanation_document(index: MapIndex, window: Window, fix: Fix) -> Document:
         "noise": told.noise,
         "silence": told.silence,
         "left_out": [one._asdict() for one in told.left_out],
+        "unlisted": told.unlisted,
         "samples": _samples(told),
         "not_heard": [
             {"cell": cell, "hearing": hearing, "contribution": told.answer.told.silent[cell]}

@@ -117,6 +117,7 @@ class Explanation:
         noise: How many times the surveys' variance the device's noise has; 1 where nobody knows.
         silence: For how much it counts that it lists no other cells (`app.numerics.listing`).
         left_out: Wild readings, oldest first; they are in nothing else here.
+        unlisted: How many readings more are not, as the surveys' phones would not have listed them.
     """
 
     cells: tuple[str, ...]
@@ -136,6 +137,7 @@ class Explanation:
     noise: float
     silence: float
     left_out: tuple[WildReading, ...]
+    unlisted: int
 
     @property
     def difference(self) -> float:
@@ -170,9 +172,7 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
     query = ask(index, window, in_c=in_c)
     used = slice(len(window.distance_m) - query.samples, None)
     behind_m = window.distance_m[-1] - window.distance_m[used]
-    column = {cell: at for at, cell in enumerate(window.cells)}
-    read_dbm = window.rsrp_dbm[used][:, [column[cell] for cell in query.cells]]
-    rsrp_dbm = without_wild(window.distance_m[used], read_dbm)
+    rsrp_dbm = query.rsrp_dbm
     here = answered_place(index, query, fix)
     there = runner_up(index, query, here)
     road = index.roads[here.road]
@@ -181,6 +181,7 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
     answer = sight.account(here)
     rival = sight.account(there, answer.told.offset_db)  # it is one device, wherever it was
     laws = _laws(index, query, here)
+    wild, unlisted = _left_out(index, window, query)
     noise = 1.0 if laws is None or laws.noise <= WORTH_TELLING else laws.noise
     return Explanation(
         cells=query.cells,
@@ -201,7 +202,8 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
         this_road=None if laws is None else laws.log_factor,
         noise=noise,
         silence=_silence(query),
-        left_out=_left_out(query.cells, behind_m, read_dbm, rsrp_dbm),
+        left_out=wild,
+        unlisted=unlisted,
     )
 
 
@@ -307,17 +309,22 @@ def _silence(query: Query) -> float:
     return float((query.fine.share @ (number[:, None] == number)).max(initial=0.0)) or 1.0
 
 
-def _left_out(
-    cells: tuple[str, ...],
-    behind_m: Float[np.ndarray, " samples"],
-    read_dbm: Float[np.ndarray, "samples cells"],
-    kept_dbm: Float[np.ndarray, "samples cells"],
-) -> tuple[WildReading, ...]:
-    rows, columns = np.nonzero(np.isnan(kept_dbm) & ~np.isnan(read_dbm))
-    return tuple(
-        WildReading(cells[column], float(behind_m[row]), float(read_dbm[row, column]))
-        for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+def _left_out(index: MapIndex, window: Window, query: Query) -> tuple[tuple[WildReading, ...], int]:
+    """Readings of the map's cells that the query lacks: wild ones, and how many others."""
+    used = slice(len(window.distance_m) - query.samples, None)
+    known = sorted(cell for cell in window.cells if cell in index.cells)
+    columns = [window.cells.index(cell) for cell in known]
+    distance_m, read_dbm = window.distance_m[used], window.rsrp_dbm[used][:, columns]
+    strays = np.isnan(without_wild(distance_m, read_dbm)) & ~np.isnan(read_dbm)
+    rows, at = (found.tolist() for found in strays.nonzero())
+    wild = tuple(
+        WildReading(
+            known[cell], float(distance_m[-1] - distance_m[row]), float(read_dbm[row, cell])
+        )
+        for row, cell in zip(rows, at, strict=True)
     )
+    missing = np.count_nonzero(~np.isnan(read_dbm)) - np.count_nonzero(~np.isnan(query.rsrp_dbm))
+    return wild, int(missing) - len(wild)
 
 
 def _readings(query: Query) -> float:

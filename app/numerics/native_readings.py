@@ -28,5 +28,5 @@ def without_wild(
 
 
 def listen(told: Told, usual: Float[np.ndarray, " cells"]) -> float:
-    """Twin of `app.numerics.listing.as_listed`, in place; for how much silence counts."""
+    """Twin of `app.numerics.listing.as_listed`, in place; `times_usual`."""
     return _native.listen(told.block, told.samples, usual, *RAMP)

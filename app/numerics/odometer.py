@@ -107,7 +107,7 @@ def multiplied(query: Query, factor: float) -> Query:
     """The window with its travelled distances so much longer; what its samples weigh stays."""
     seen = query.fine
     fine = Evidence(seen.behind_m * factor, seen.rsrp_db, seen.heard, seen.share, seen.weight)
-    return Query(query.cells, query.unknown, query.samples, fine, query.group)
+    return Query(query.cells, query.unknown, query.samples, query.rsrp_dbm, fine, query.group)
 
 
 def factors_for(query: Query, width_m: float) -> Factors | None:

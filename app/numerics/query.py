@@ -13,7 +13,7 @@ from app.domain import Calibration, Window
 from app.numerics import carriers, native, native_laws, native_readings
 from app.numerics.elsewhere import log_evidence, or_featureless
 from app.numerics.index import MapIndex
-from app.numerics.listing import as_listed
+from app.numerics.listing import MOST, as_listed, strongest
 from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS, Evidence, coefficients, evidence
 from app.numerics.offsets import OffsetPrior
@@ -56,6 +56,7 @@ class Query:
         cells: Heard cells that the map knows, sorted; the columns of ``fine``.
         unknown: Heard cells that it does not know, sorted.
         samples: How many samples of the window these are.
+        rsrp_dbm: Their readings of these cells, oldest first, but those that were left out.
         fine: The readings metre by metre.
         group: Number of each cell's group among the window's (`app.numerics.carriers.groups`).
         told: The same for the kernels in C; None = all is worked out with numpy.
@@ -65,6 +66,7 @@ class Query:
     cells: tuple[str, ...]
     unknown: tuple[str, ...]
     samples: int
+    rsrp_dbm: Float[np.ndarray, "samples cells"]
     fine: Evidence
     group: Int[np.ndarray, " cells"]
     told: native.Told | None = None
@@ -198,17 +200,7 @@ def ask(index: MapIndex, window: Window, *, in_c: bool = False) -> Query:
     columns, names = [i for _, i in known], _names(known)
     if columns != list(range(len(window.cells))):
         rsrp_dbm = np.ascontiguousarray(rsrp_dbm[:, columns])
-    group, usual = index.groups(names), index.usual(names)
-    if in_c:
-        rsrp_dbm = native_readings.without_wild(distance_m, rsrp_dbm)
-        here, carrier = list(range(len(names))), [index.carrier[cell] for cell in names]
-        told, fine = native.evidence(
-            distance_m, rsrp_dbm, here, FINE_STEP_M, carrier, group.tolist()
-        )
-        native_readings.listen(told, usual)
-        return Query(names, unknown, len(distance_m), fine, group, told, window.distance_error)
-    rsrp_dbm = without_wild(distance_m, rsrp_dbm)
-    return prepare(names, unknown, distance_m, rsrp_dbm, group, usual, window.distance_error)
+    return prepare(index, names, unknown, distance_m, rsrp_dbm, window.distance_error, in_c=in_c)
 
 
 def _heard_columns(rsrp_dbm: Float[np.ndarray, "samples cells"]) -> list[int]:
@@ -220,20 +212,51 @@ def _names(pairs: Iterable[tuple[str, int]]) -> tuple[str, ...]:
 
 
 def prepare(
+    index: MapIndex,
     cells: tuple[str, ...],
     unknown: tuple[str, ...],
     distance_m: Float[np.ndarray, " samples"],
     rsrp_dbm: Float[np.ndarray, "samples cells"],
-    group: Int[np.ndarray, " cells"],
-    usual: Float[np.ndarray, " cells"],
     distance_error: float | None = None,
+    *,
+    in_c: bool = False,
 ) -> Query:
     """
-    A query from readings whose columns are exactly ``cells``, each of a group.
-
-    Args:
-        usual: See `app.numerics.index.MapIndex.usual`.
+    A query from readings whose columns are exactly ``cells``, all of them heard: wild ones are left
+    out, and those that the surveys would not have listed (`app.numerics.listing`).
     """
-    fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M, carriers.numbers(cells))
-    fine = as_listed(fine, usual)
-    return Query(cells, unknown, len(distance_m), fine, group, distance_error=distance_error)
+    leave_out = native_readings.without_wild if in_c else without_wild
+    rsrp_dbm = leave_out(distance_m, rsrp_dbm)
+    query, times = _read(index, cells, unknown, distance_m, rsrp_dbm, distance_error, in_c=in_c)
+    if times <= MOST:
+        return query
+    rsrp_dbm = strongest(rsrp_dbm, carriers.numbers(cells), index.usual(cells))
+    kept = _heard_columns(rsrp_dbm)
+    rsrp_dbm = np.ascontiguousarray(rsrp_dbm[:, kept])
+    cells = tuple([cells[column] for column in kept])
+    return _read(index, cells, unknown, distance_m, rsrp_dbm, distance_error, in_c=in_c)[0]
+
+
+def _read(
+    index: MapIndex,
+    cells: tuple[str, ...],
+    unknown: tuple[str, ...],
+    distance_m: Float[np.ndarray, " samples"],
+    rsrp_dbm: Float[np.ndarray, "samples cells"],
+    distance_error: float | None,
+    *,
+    in_c: bool,
+) -> tuple[Query, float]:
+    """All these readings, and how many times the usual cells they are of."""
+    group, usual, told = index.groups(cells), index.usual(cells), None
+    if in_c:
+        here, carrier = list(range(len(cells))), [index.carrier[cell] for cell in cells]
+        told, fine = native.evidence(
+            distance_m, rsrp_dbm, here, FINE_STEP_M, carrier, group.tolist()
+        )
+        times = native_readings.listen(told, usual)
+    else:
+        fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M, carriers.numbers(cells))
+        fine, times = as_listed(fine, usual)
+    samples = len(distance_m)
+    return Query(cells, unknown, samples, rsrp_dbm, fine, group, told, distance_error), times

@@ -16,10 +16,11 @@ from app.numerics.answer import fit_of_place
 from app.numerics.evidence_table import HeldOut
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.matching import fine_places, shortlist
+from app.numerics.observation import evidence
 from app.numerics.offmap import Fit
 from app.numerics.offsets import OffsetPrior, take_offsets
 from app.numerics.posterior import APART, RESIDUAL, SCORE, VALUES, WEIGHT, Places
-from app.numerics.query import Query, ask, prepare
+from app.numerics.query import FINE_STEP_M, Query, ask
 from app.numerics.unseen import HOPELESS, Asked
 
 
@@ -69,7 +70,7 @@ def with_offset(places: Places, prior: OffsetPrior) -> Places:
 def size_of(truth: HeldOut) -> tuple[float, int]:
     """What a window's samples weigh together, and how many they are."""
     silent, nobody = np.zeros((len(truth.distance_m), 0)), np.zeros(0, dtype=np.intp)
-    weight = prepare((), (), truth.distance_m, silent, nobody, np.zeros(0)).fine.weight
+    weight = evidence(truth.distance_m, silent, FINE_STEP_M, nobody).weight
     return float(weight.sum()), len(weight)
 
 

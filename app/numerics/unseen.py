@@ -86,8 +86,7 @@ def ask_at_home(
                 model = index.around.told(number, without(model, truth.fold))
             laid = ((number, truth.fold), index.road_with(number, model))
         names = tuple(models[number].cells[column] for column in truth.cells.tolist())
-        group, usual = index.groups(names), index.usual(names)
-        query = prepare(names, (), truth.distance_m, truth.rsrp_dbm, group, usual)
+        query = prepare(index, names, (), truth.distance_m, truth.rsrp_dbm)
         own = laid[1] if truth.measured else None
         found.append(Asked(number, truth, _places(laid[1], query, truth), own))
     return found

@@ -53,8 +53,13 @@ def _device(told: Explanation) -> list[str]:
         one, count = told.left_out[-1], len(told.left_out)
         them = "1 reading is" if count == 1 else f"{count} readings are"
         said.append(
-            f"{them} left out, as those about it contradict it: the last one is cell {one.cell} at "
-            f"{one.rsrp_dbm:.0f} dBm, {one.behind_m:.0f} m before the end."
+            f"{them} left out, which their neighbours contradict: the last one is cell {one.cell} "
+            f"at {one.rsrp_dbm:.0f} dBm, {one.behind_m:.0f} m before the end."
+        )
+    if told.unlisted:
+        said.append(
+            f"The device lists more cells than the surveys' did: {told.unlisted} readings of the "
+            "weakest are left out."
         )
     if told.silence < 1.0:
         said.append(

@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.domain import Window
+from app.domain import RadioMap, Window
+from app.evaluation.scenario import survey, windows
 from app.numerics import native, native_readings
-from app.numerics.listing import FEW, LEAST, USUAL, as_listed, silence_counts, usual_numbers
+from app.numerics.calibration import calibrate
+from app.numerics.index import MapIndex
+from app.numerics.listing import (
+    FEW,
+    LEAST,
+    USUAL,
+    as_listed,
+    silence_counts,
+    strongest,
+    times_usual,
+    usual_numbers,
+)
 from app.numerics.matching import locate
+from app.numerics.observation import evidence
 from app.numerics.query import ask
-from tests.numerics.cities import index_of, models_of
+from app.numerics.roadfit import fit_road
+from tests.numerics.cities import city_of, index_of, models_of
 from tests.numerics.test_native import a_window, built
 from tests.numerics.test_native import index_of as gentle_index
 
@@ -28,29 +43,25 @@ def heard_by(counts: list[int], cells: int) -> Window:
     return Window(names, np.arange(len(counts)) * 10.0, rsrp_dbm)
 
 
-def counts_of(window: Window, usual: float) -> float:
-    """For how much silence counts, where so many are usual."""
-    carrier = [0] * len(window.cells)
-    _, seen = native.evidence(
-        window.distance_m,
-        window.rsrp_dbm,
-        [*range(len(window.cells))],
-        1.0,
-        carrier,
-        [*range(len(window.cells))],
-    )
-    return silence_counts(seen, np.full(len(window.cells), usual))
+def times_of(window: Window, usual: float) -> float:
+    """How many times the usual cells it lists."""
+    count = len(window.cells)
+    seen = evidence(window.distance_m, window.rsrp_dbm, 1.0, np.zeros(count, dtype=np.intp))
+    return times_usual(seen, np.full(count, usual))
 
 
-@built
 def test_silence_counts_in_full_where_as_many_are_listed_as_usual():
     """Less below seven tenths of that, never nothing."""
-    assert counts_of(heard_by([5, 5, 5], 8), 5.0) == 1.0
-    assert counts_of(heard_by([8, 8, 8], 8), 5.0) == 1.0
-    assert counts_of(heard_by([4, 3, 4], 8), 5.0) == 1.0
-    halfway = 0.5 * (FEW + USUAL)
-    assert counts_of(heard_by([9, 9], 9), 9.0 / halfway) == pytest.approx(0.5)
-    assert counts_of(heard_by([1, 1, 1], 8), 8.0) == LEAST
+    for counts, usual, wanted in (
+        ([5, 5, 5], 5.0, 1.0),
+        ([8, 8, 8], 5.0, 1.0),
+        ([4, 3, 4], 5.0, 1.0),
+        ([9, 9], 9.0 / (0.5 * (FEW + USUAL)), 0.5),
+        ([1, 1, 1], 8.0, LEAST),
+    ):
+        times = times_of(heard_by(counts, 9), usual)
+        assert times == pytest.approx(np.mean(counts) / usual)
+        assert silence_counts(times) == pytest.approx(wanted)
 
 
 @built
@@ -69,12 +80,61 @@ def test_the_kernel_says_the_same(seed, usual):
         query.group.tolist(),
     )
     each = usual * np.random.default_rng(seed).uniform(0.5, 1.5, len(query.cells))
-    wanted = as_listed(dataclasses.replace(seen, share=seen.share.copy()), each)
-    counts = silence_counts(seen, each)
-    assert native_readings.listen(told, each) == pytest.approx(counts, rel=1e-12)
+    wanted, times = as_listed(dataclasses.replace(seen, share=seen.share.copy()), each)
+    assert native_readings.listen(told, each) == pytest.approx(times, rel=1e-12)
     for field in dataclasses.fields(wanted):
         ours = getattr(seen, field.name)
         np.testing.assert_allclose(ours, getattr(wanted, field.name), rtol=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32), st.integers(1, 12), st.integers(1, 6))
+def test_the_strongest_are_those_that_no_other_of_the_carrier_is_above(seed, samples, cells):
+    """As many as usual, one at least, of every sample and carrier by itself; ties to the first."""
+    rng = np.random.default_rng(seed)
+    rsrp_dbm = rng.integers(-110, -100, (samples, cells)).astype(float)
+    rsrp_dbm[rng.random(rsrp_dbm.shape) < 0.3] = np.nan
+    carrier, usual = rng.integers(0, 2, cells), rng.uniform(0.2, 4.0, cells)
+    kept_dbm = strongest(rsrp_dbm, carrier, usual)
+    for row in range(samples):
+        for number in range(2):
+            own = [c for c in np.flatnonzero(carrier == number) if not np.isnan(rsrp_dbm[row, c])]
+            most = max(round(float(np.mean(usual[own]))), 1) if own else 0
+            loudest = sorted(own, key=lambda c: -rsrp_dbm[row, c])[:most]
+            kept = [c for c in own if not np.isnan(kept_dbm[row, c])]
+            assert sorted(loudest) == kept
+    same = ~np.isnan(kept_dbm)
+    np.testing.assert_array_equal(kept_dbm[same], rsrp_dbm[same])
+
+
+@pytest.mark.parametrize("in_c", [True, False])
+def test_a_window_of_a_map_of_serving_cells_is_heard_as_its_phone_would(in_c):
+    """Surveyed by phones that list one cell, asked by one that lists six: the strongest counts."""
+    index = map_of_serving_cells()
+    asked = list(windows(city_of(cells=6), 20, length_m=30.0))
+    right = 0
+    for one in asked:
+        query = ask(index, one.window, in_c=in_c and native.BUILT)
+        heard = ~np.isnan(query.rsrp_dbm)
+        assert heard.sum(axis=1).max() <= 2
+        assert heard.any(axis=1).all()
+        right += locate(index, one.window, in_c=in_c and native.BUILT).road_id == one.truth.road_id
+    assert right >= 18
+
+
+@cache
+def map_of_serving_cells() -> MapIndex:
+    city = city_of(cells=6)
+    passes = []
+    for one in survey(city):
+        rank = np.argsort(np.argsort(-np.nan_to_num(one.rsrp_dbm, nan=-200.0), axis=1), axis=1)
+        served = np.where(rank < 1, one.rsrp_dbm, np.nan).astype(np.float32)
+        passes.append(dataclasses.replace(one, rsrp_dbm=served))
+    models = [
+        fit_road(truth.road, [one for one in passes if one.road_id == truth.road_id])
+        for truth in city.roads
+    ]
+    return MapIndex.build(RadioMap(1, tuple(models), calibrate(models)))
 
 
 def test_usual_numbers_are_what_the_survey_heard():

@@ -144,6 +144,10 @@ class ExplanationDocument(BaseModel):
     left_out: list[LeftOutReading] = Field(
         description="Wild readings, which the readings about them contradict; oldest first."
     )
+    unlisted: int = Field(
+        description="How many readings more are left out, as the surveys' phones would not have "
+        "listed cells that weak."
+    )
     samples: ExplainedSamples
     not_heard: list[MissingCell] = Field(description="The most probable first.")
     reference_cell: str | None = Field(

@@ -90,8 +90,9 @@ double listen_to(double *block, ptrdiff_t samples, ptrdiff_t cells, const double
         }
     if (!(usually > 0.0))
         return 1.0;
-    double counts = fmin(fmax((listed / usually - few) / (enough - few), least), 1.0);
+    double times = listed / usually;
+    double counts = fmin(fmax((times - few) / (enough - few), least), 1.0);
     for (ptrdiff_t place = 0; counts < 1.0 && place < samples * cells; place++)
         share[place] *= counts;
-    return counts;
+    return times;
 }

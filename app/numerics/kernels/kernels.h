@@ -169,7 +169,7 @@ typedef struct {
 ptrdiff_t leave_out_wild(const double *distance_m, const double *rsrp_dbm, ptrdiff_t samples,
                          ptrdiff_t width, const Hampel *filter, double *left_dbm);
 
-/* In place, what silence counts for: app.numerics.listing. */
+/* In place, what silence counts for; how many times the usual cells: app.numerics.listing. */
 double listen_to(double *block, ptrdiff_t samples, ptrdiff_t cells, const double *usual,
                  double few, double enough, double least);
 
