@@ -2,21 +2,25 @@
 Areas that nothing was chosen on: `python -m benchmarks.impairments [WORD ...] [--seeds N]`.
 
 The presets with one thing changed each: more drift, unlike devices, noise, odometers, fixes,
-coarser levels, other clocks. Of each the road right, errors, how right the posteriors of road and
-sub-segment are, what radii hold, windows refused, and the AUROC of windows off the map: without
-their road, and of another city that has the same cell names. Words choose areas by their names.
+coarser levels, other clocks; and the presets asked by phones unlike the surveys', noisier ones or
+such as write down levels that no antenna sent. Of each the road right, errors, how right the
+posteriors of road and sub-segment are, what radii hold, windows refused, and the AUROC of windows
+off the map: without their road, and of another city that has the same cell names. Words choose
+areas by their names.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from app.domain import RadioMap
 from app.evaluation.scenario import build_city, preset
+from app.evaluation.scenario.city import City
 from app.evaluation.scenario.params import Scenario
 from app.evaluation.truth import Labelled
 from app.numerics.geodesy import distance_m
@@ -48,6 +52,34 @@ AREAS: dict[str, Scenario] = {
     "paper, one way": replace(PAPER, cells=5, both_directions=False),
 }
 
+# What phones make of a window's levels, area by area.
+Spoil = Callable[[np.random.Generator, Float[np.ndarray, "samples cells"]], np.ndarray]
+
+
+def noisier(sd_db: float) -> Spoil:
+    """Noise on top of the surveys' phones'."""
+    return lambda rng, rsrp_dbm: rsrp_dbm + rng.normal(0.0, sd_db, rsrp_dbm.shape)
+
+
+def wild(share: float) -> Spoil:
+    """Readings that are any level from -125 to -65 dBm."""
+    return lambda rng, rsrp_dbm: np.where(
+        (rng.random(rsrp_dbm.shape) < share) & ~np.isnan(rsrp_dbm),
+        rng.uniform(-125.0, -65.0, rsrp_dbm.shape),
+        rsrp_dbm,
+    )
+
+
+PHONES: dict[str, tuple[Scenario, Spoil]] = {
+    f"{area.name}, {name}": (area, spoil)
+    for area in (HARSH, PAPER)
+    for name, spoil in (
+        ("phones 3 dB noisier", noisier(3.0)),
+        ("one reading of a hundred wild", wild(0.01)),
+        ("three of a hundred wild", wild(0.03)),
+    )
+}
+
 # Road and sub-segment right, error, their posteriors, within either radius, refused, and the
 # probability of being off the map with the window's road and without.
 Row = tuple[float, ...]
@@ -61,14 +93,15 @@ def main() -> None:
     parser.add_argument("--windows", type=int, default=WINDOWS, help="of each seed")
     chosen = parser.parse_args()
     print(f"four cells but where it is said, {chosen.seeds} seeds from {FIRST_SEED} on")
-    for name, scenario in AREAS.items():
+    areas = {name: (scenario, as_it_is) for name, scenario in AREAS.items()} | PHONES
+    for name, (scenario, spoil) in areas.items():
         if chosen.words and not any(word in name for word in chosen.words):
             continue
         rows: list[Row] = []
         abroad: list[float] = []
         for seed in range(FIRST_SEED, FIRST_SEED + chosen.seeds):
             city = build_city(scenario, seed)
-            foreign = asked_of(build_city(scenario, seed + ANOTHER), chosen.windows)
+            foreign = spoilt(build_city(scenario, seed + ANOTHER), chosen.windows, spoil)
             _, models, calibration = next(maps_of(city))
             whole = MapIndex.build(RadioMap(1, tuple(models), calibration))
             without = {
@@ -77,9 +110,23 @@ def main() -> None:
                 )
                 for left_out in models
             }
-            rows += answers(whole, without, asked_of(city, chosen.windows))
+            rows += answers(whole, without, spoilt(city, chosen.windows, spoil))
             abroad += [locate(whole, one.window).off_map_posterior for one in foreign]
-        print(f"  {name:30s} {described(rows, abroad)}", flush=True)
+        print(f"  {name:38s} {described(rows, abroad)}", flush=True)
+
+
+def as_it_is(_: np.random.Generator, rsrp_dbm: Float[np.ndarray, "samples cells"]) -> np.ndarray:
+    """A phone like the surveys'."""
+    return rsrp_dbm
+
+
+def spoilt(city: City, count: int, spoil: Spoil) -> list[Labelled]:
+    """A city's windows as other phones hear them."""
+    rng, windows = np.random.Generator(np.random.PCG64(city.seed)), []
+    for one in asked_of(city, count):
+        rsrp_dbm = spoil(rng, one.window.rsrp_dbm)
+        windows.append(one._replace(window=replace(one.window, rsrp_dbm=rsrp_dbm)))
+    return windows
 
 
 def answers(

@@ -4,9 +4,10 @@ Phones and networks unlike the surveys': `python -m benchmarks.other_phones [WOR
 Survey passes of real streets held out by day, as in `benchmarks.real_streets`: each of four maps is
 asked windows of the days that it lacks, as they were heard and as another phone might have heard
 them: one that lists fewer cells, is deafer, noisier, louder by another law, slower, or whose log
-holds readings that no antenna sent. With `--networks` the survey is changed in the same way, as on
-the streets of another operator, and a map fitted to it. Words choose among the changes by name.
-Some fifteen minutes of one core for phones, five for each network.
+holds readings that no antenna sent. `--whose survey` changes the survey instead, as if driven with
+such a phone, and `--whose both` either, as on the streets of another operator; each change then has
+maps of its own. Words choose among the changes by name. Some ten minutes of one core for phones,
+three for each survey.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def main() -> None:
     parser.add_argument("words", nargs="*", help="of the changes' names; without, all are asked")
     parser.add_argument("--data", type=Path, default=REAL)
     parser.add_argument("--windows", type=int, default=320, help="of each length, of all folds")
-    parser.add_argument("--networks", action="store_true", help="change the survey likewise")
+    parser.add_argument("--whose", choices=("phone", "survey", "both"), default="phone")
     chosen = parser.parse_args()
     roads, every = survey_of(chosen.data)
     named = {
@@ -46,15 +47,17 @@ def main() -> None:
         for name, change in CHANGES.items()
         if not chosen.words or any(word in name for word in chosen.words)
     }
-    as_surveyed = [] if chosen.networks else list(folds_of(roads, every, CHANGES["as it was"]))
+    as_it_was = CHANGES["as it was"]
+    alike = list(folds_of(roads, every, as_it_was)) if chosen.whose == "phone" else []
     for name, change in named.items():
-        folds = as_surveyed or list(folds_of(roads, every, change))
+        folds = alike or list(folds_of(roads, every, change))
+        asked = as_it_was if chosen.whose == "survey" else change
         for length_m in LENGTHS_M:
             rows = [
                 maps.answered(one)
                 for maps, held_out in folds
                 for one in cut_windows(
-                    [change(drive) for drive in held_out],
+                    [asked(drive) for drive in held_out],
                     chosen.windows // FOLDS,
                     length_m=length_m,
                     seed=HELD_OUT_SEEDS[0],
