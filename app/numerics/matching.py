@@ -11,7 +11,6 @@ rest of it stays as the coarse scale has it, summed by sub-segment and direction
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -154,15 +153,19 @@ def joined(
 
 def _stretches(index: MapIndex, kept: Coarse) -> list[Stretch]:
     """Road, direction, first and last grid position of every unbroken row of coarse positions."""
-    road, sign, chainage_m = kept.road, kept.sign, kept.chainage_m
-    parted = chainage_m[1:] - chainage_m[:-1] > JOINED_STEPS * kept.step_m
-    parted |= (road[1:] != road[:-1]) | (sign[1:] != sign[:-1])
-    ends = (parted.nonzero()[0] + 1).tolist()
-    stretches = []
-    for start, end in pairwise([0, *ends, len(road)]):
-        target = index.roads[int(road[start])]
-        first = max(int((float(chainage_m[start]) - kept.step_m) / target.step_m), 0)
-        last = int((float(chainage_m[end - 1]) + kept.step_m) / target.step_m) + 1
-        last = min(last, target.grid_size - 1)
-        stretches.append((target.number, int(sign[start]), first, last))
+    step_m, start, stretches = kept.step_m, 0, []
+    chainage_m, road, sign = kept.chainage_m.tolist(), kept.road.tolist(), kept.sign.tolist()
+    for end in range(1, len(road) + 1):
+        if (
+            end < len(road)
+            and chainage_m[end] - chainage_m[end - 1] <= JOINED_STEPS * step_m
+            and road[end] == road[start]
+            and sign[end] == sign[start]
+        ):
+            continue
+        target = index.roads[road[start]]
+        first = max(int((chainage_m[start] - step_m) / target.step_m), 0)
+        last = min(int((chainage_m[end - 1] + step_m) / target.step_m) + 1, target.grid_size - 1)
+        stretches.append((target.number, sign[start], first, last))
+        start = end
     return stretches

@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
 from app.domain import RoadModel, Window
 from app.numerics.carriers import NOTHING_KNOWN
-from app.numerics.listing import FEW, LEAST, USUAL
+from app.numerics.listing import FEW, LEAST, MOST, USUAL
 from app.numerics.observation import (
     BACKGROUND_SPAN_DB,
     CORRELATION_M,
@@ -49,7 +50,28 @@ class Reading:
 
 
 def readings(window: Window, known: set[str], models: tuple[RoadModel, ...]) -> list[Reading]:
-    """The window metre by metre, newest first, the cells of the map only, none of them wild."""
+    """
+    The window metre by metre, newest first, the cells of the map only, none of them wild; of a
+    device that lists many more than usual each sample's strongest.
+    """
+    rsrp_dbm = [
+        {
+            cell: float(window.rsrp_dbm[sample, column])
+            for column, cell in enumerate(window.cells)
+            if cell in known and not math.isnan(window.rsrp_dbm[sample, column])
+        }
+        for sample in range(len(window.distance_m))
+    ]
+    found = _metres(window, rsrp_dbm)
+    times = _times_usual(found, models)
+    if times > MOST:
+        found = _metres(window, [_strongest(one, models) for one in rsrp_dbm])
+        times = _times_usual(found, models)
+    counts = min(max((times - FEW) / (USUAL - FEW), LEAST), 1.0)
+    return [replace(one, silence=counts) for one in found]
+
+
+def _metres(window: Window, rsrp_dbm: list[dict[str, float]]) -> list[Reading]:
     metres: list[list[int]] = []
     behind_m = window.distance_m[-1] - window.distance_m
     for sample in reversed(range(len(behind_m))):
@@ -61,19 +83,28 @@ def readings(window: Window, known: set[str], models: tuple[RoadModel, ...]) -> 
     found = []
     for samples in metres:
         level_dbm, share = {}, {}
-        for column, cell in enumerate(window.cells):
-            heard = [window.rsrp_dbm[s, column] for s in samples]
-            heard = [x for x in heard if not math.isnan(x)]
-            if heard and cell in known:
+        for cell in window.cells:
+            heard = [rsrp_dbm[s][cell] for s in samples if cell in rsrp_dbm[s]]
+            if heard:
                 level_dbm[cell] = sum(heard) / len(heard)
                 share[cell] = len(heard) / len(samples)
         found.append(Reading(sum(behind_m[s] for s in samples) / len(samples), level_dbm, share))
-    counts = _silence(found, models)
-    return [replace(one, silence=counts) for one in found]
+    return found
 
 
-def _silence(found: list[Reading], models: tuple[RoadModel, ...]) -> float:
-    """By how many cells it lists of the carriers that it hears, and how many are usual."""
+def _strongest(sample: dict[str, float], models: tuple[RoadModel, ...]) -> dict[str, float]:
+    """As many of each carrier as its cells are usually listed, one at least."""
+    kept = {}
+    for carrier in {_carrier(cell) for cell in sample}:
+        own = [cell for cell in sample if _carrier(cell) == carrier]
+        most = max(round(sum(_usual(cell, models) for cell in own) / len(own)), 1)
+        loudest = sorted(own, key=lambda cell: -sample[cell])[:most]
+        kept |= {cell: sample[cell] for cell in loudest}
+    return kept
+
+
+def _times_usual(found: list[Reading], models: tuple[RoadModel, ...]) -> float:
+    """How many times as many cells as usual it lists of the carriers that it hears."""
     listed = usually = 0.0
     for one, weight in zip(found, weights(found), strict=True):
         for carrier in {_carrier(cell) for cell in one.share}:
@@ -81,11 +112,10 @@ def _silence(found: list[Reading], models: tuple[RoadModel, ...]) -> float:
             listed += weight * sum(own.values())
             usual = sum(share * _usual(cell, models) for cell, share in own.items())
             usually += weight * usual / sum(own.values())
-    if usually == 0.0:
-        return 1.0
-    return min(max((listed / usually - FEW) / (USUAL - FEW), LEAST), 1.0)
+    return listed / usually if usually > 0.0 else 1.0
 
 
+@cache
 def _usual(cell: str, models: tuple[RoadModel, ...]) -> float:
     """How many of its carrier's cells are heard where it is known."""
     numbers = []

@@ -62,7 +62,7 @@ def test_scores_are_the_integral_over_all_offsets(seed, temperature):
         max(temperature, weight / 9)
     )
     places = stretches.whole_roads(index, ask(index, asked))
-    found = plain.readings(asked, set(index.cells), models)
+    found = plain.readings(asked, set(index.cells), as_laid(models))
     sd_db = index.calibration.offset_sd_db
     laid = as_laid(models)
     warm = ask(index, asked).temperature(index.calibration)

@@ -92,7 +92,7 @@ def test_scores_are_the_literal_log_likelihood(seed):
     window = window_along(models[seed % 3], seed, sign=1 if seed % 2 else -1, extra=("d", "e"))
     window = replace(window, cells=_distinct(window.cells))
     index = map_of(models)
-    found = plain.readings(window, set(index.cells), models)
+    found = plain.readings(window, set(index.cells), as_laid(models))
     places = whole_roads(index, ask(index, window))
     sd_db = index.calibration.offset_sd_db
     laid = as_laid(models)

@@ -52,7 +52,7 @@ def test_scores_are_the_literal_log_likelihood(seed, sign, extra, step_m):
     models = tiny_models(10 * seed, step_m=step_m)
     index = map_of(models)
     window = window_along(models[seed % 2], seed, sign=sign, extra=extra)
-    found = plain.readings(window, set(index.cells), models)
+    found = plain.readings(window, set(index.cells), as_laid(models))
     places, keys = scored(index, window)
     sd_db = index.calibration.offset_sd_db
     laid = as_laid(models)
@@ -67,7 +67,7 @@ def test_residual_and_weight_are_the_derivatives():
     models = tiny_models(60)
     index = map_of(models)
     window = window_along(models[0], 6)
-    found = plain.readings(window, set(index.cells), models)
+    found = plain.readings(window, set(index.cells), as_laid(models))
     places, keys = scored(index, window)
     laid = as_laid(models)
     for column, (number, sign, place) in enumerate(keys):

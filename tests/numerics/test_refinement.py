@@ -47,7 +47,7 @@ def test_scores_between_metres_are_those_of_the_straight_curve(sign):
     fine = refine(index, query, whole_roads(index, query))
     best = int(fine.score.argmax())
     assert abs(float(fine.chainage_m[best]) - end - 0.4) < 1.0
-    found = plain.readings(window, set(index.cells), models)
+    found = plain.readings(window, set(index.cells), as_laid(models))
     near = np.flatnonzero(
         (fine.road == 0) & (fine.sign == sign) & (np.abs(fine.chainage_m - end) <= AROUND - 1)
     )
