@@ -8,25 +8,24 @@ that a track has moved is explained by what its window says by itself.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from app.domain import FEATURE_KINDS, Direction, Fix, Window
-from app.numerics import carriers, native
+from app.numerics import native
 from app.numerics.answer import WORTH_TELLING
 from app.numerics.contributions import Contributions, Place, contributions
 from app.numerics.elsewhere import log_evidence, or_featureless
 from app.numerics.expected import Expected, expected
 from app.numerics.features import feature_matrix
 from app.numerics.geodesy import Floats
+from app.numerics.heeded import WildReading, left_out, silence_of
 from app.numerics.index import MapIndex
 from app.numerics.offmap import err_apart
 from app.numerics.query import Query, ask
 from app.numerics.rivals import answered_place, runner_up
 from app.numerics.this_road import Likelihoods, weigh
-from app.numerics.wild import without_wild
 
 EXPECTED_FROM = 0.5  # a cell this probable at the answer's place, and never heard, is missing
 VARIANCE, DIFFERENCE = FEATURE_KINDS.index("variance"), FEATURE_KINDS.index("mean_difference")
@@ -84,14 +83,6 @@ class CellShare:
     def total(self) -> float:
         """Both together."""
         return self.level + self.hearing
-
-
-class WildReading(NamedTuple):
-    """A reading that its neighbours contradict (`app.numerics.wild`), and where it was read."""
-
-    cell: str
-    behind_m: float
-    rsrp_dbm: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +172,7 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
     answer = sight.account(here)
     rival = sight.account(there, answer.told.offset_db)  # it is one device, wherever it was
     laws = _laws(index, query, here)
-    wild, unlisted = _left_out(index, window, query)
+    wild, unlisted = left_out(index, window, query)
     noise = 1.0 if laws is None or laws.noise <= WORTH_TELLING else laws.noise
     return Explanation(
         cells=query.cells,
@@ -201,7 +192,7 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
         else None,
         this_road=None if laws is None else laws.log_factor,
         noise=noise,
-        silence=_silence(query),
+        silence=silence_of(query),
         left_out=wild,
         unlisted=unlisted,
     )
@@ -301,30 +292,6 @@ def _laws(index: MapIndex, query: Query, place: Place) -> Likelihoods | None:
         return None
     road, prior = index.roads[place.road], query.prior(index)
     return weigh(query, road, place.sign, place.chainage_m, prior)
-
-
-def _silence(query: Query) -> float:
-    """What the shares of a carrier's cells sum to, in any sample that heard it."""
-    number = carriers.numbers(query.cells)
-    return float((query.fine.share @ (number[:, None] == number)).max(initial=0.0)) or 1.0
-
-
-def _left_out(index: MapIndex, window: Window, query: Query) -> tuple[tuple[WildReading, ...], int]:
-    """Readings of the map's cells that the query lacks: wild ones, and how many others."""
-    used = slice(len(window.distance_m) - query.samples, None)
-    known = sorted(cell for cell in window.cells if cell in index.cells)
-    columns = [window.cells.index(cell) for cell in known]
-    distance_m, read_dbm = window.distance_m[used], window.rsrp_dbm[used][:, columns]
-    strays = np.isnan(without_wild(distance_m, read_dbm)) & ~np.isnan(read_dbm)
-    rows, at = (found.tolist() for found in strays.nonzero())
-    wild = tuple(
-        WildReading(
-            known[cell], float(distance_m[-1] - distance_m[row]), float(read_dbm[row, cell])
-        )
-        for row, cell in zip(rows, at, strict=True)
-    )
-    missing = np.count_nonzero(~np.isnan(read_dbm)) - np.count_nonzero(~np.isnan(query.rsrp_dbm))
-    return wild, int(missing) - len(wild)
 
 
 def _readings(query: Query) -> float:

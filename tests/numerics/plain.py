@@ -50,18 +50,11 @@ class Reading:
 
 
 def readings(window: Window, known: set[str], models: tuple[RoadModel, ...]) -> list[Reading]:
-    """
-    The window metre by metre, newest first, the cells of the map only, none of them wild; of a
-    device that lists many more than usual each sample's strongest.
-    """
-    rsrp_dbm = [
-        {
-            cell: float(window.rsrp_dbm[sample, column])
-            for column, cell in enumerate(window.cells)
-            if cell in known and not math.isnan(window.rsrp_dbm[sample, column])
-        }
-        for sample in range(len(window.distance_m))
-    ]
+    """The map's cells metre by metre, newest first; if many more than usual, the strongest."""
+    rsrp_dbm = []
+    for row in window.rsrp_dbm.tolist():
+        heard = zip(window.cells, row, strict=True)
+        rsrp_dbm.append({c: dbm for c, dbm in heard if c in known and not math.isnan(dbm)})
     found = _metres(window, rsrp_dbm)
     times = _times_usual(found, models)
     if times > MOST:
