@@ -42,8 +42,8 @@ def usual_numbers(models: Sequence[RoadModel]) -> dict[str, float]:
     for model in models:
         mapped = ~np.isnan(model.mean_dbm)
         heard = np.where(mapped, model.heard, 0.0)
-        carrier = np.eye(len(model.cells))[carriers.numbers(model.cells)]
-        number = (heard @ carrier) @ carrier.T
+        carrier = carriers.numbers(model.cells)
+        number = (heard @ np.eye(carriers.count(carrier))[carrier])[:, carrier]
         sums = np.where(mapped, number, 0.0).sum(axis=0).tolist()
         for cell, each, there in zip(model.cells, sums, mapped.sum(axis=0).tolist(), strict=True):
             listed[cell] = listed.get(cell, 0.0) + each

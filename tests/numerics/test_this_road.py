@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from app.domain import Window
 from app.evaluation.scenario import build_city, preset, windows
-from app.numerics.answer import fit_of_place
+from app.numerics.answer import _of_noise, fit_of_place
 from app.numerics.geodesy import distance_m as apart_m
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.matching import locate, place
 from app.numerics.observation import BACKGROUND_SPAN_DB, TERMS
 from app.numerics.offmap import FACTOR, Fit, err_apart
 from app.numerics.offsets import OffsetPrior
+from app.numerics.posterior import SCORE
 from app.numerics.query import Query, ask
 from app.numerics.this_road import (
     DRIFT,
@@ -272,3 +273,20 @@ def test_noise_is_told_by_windows_of_enough_readings():
     ]
     assert np.median(told) < 1.01
     assert np.mean(np.array(told) > 2.0) < 0.05
+
+
+def test_what_is_known_beforehand_is_no_less_known_of_a_noisy_device():
+    """Divided by more, readings of the last places say less and their prior what it did."""
+    index = index_of(cells=6)
+    window = next(iter(windows(city_of(cells=6), 1, length_m=30.0))).window
+    places = place(index, ask(index, window)).places
+    temperature, times, log_prior = 0.4, 3.0, np.array([-2.0, -5.0])
+    said = places.score.copy()
+    places.values[SCORE, -2:] += log_prior * temperature
+    held = places.score.copy()
+    louder = _of_noise(places, times, temperature, log_prior)
+    over = temperature * times
+    np.testing.assert_allclose(louder.score[-2:] / over, said[-2:] / over + log_prior, rtol=1e-12)
+    np.testing.assert_array_equal(louder.score[:-2], said[:-2])
+    np.testing.assert_array_equal(places.score, held)
+    assert _of_noise(places, times, temperature, None) is places
