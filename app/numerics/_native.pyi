@@ -241,6 +241,5 @@ def summary(
     float,
     float,
     float,
-    int,
     list[tuple[int, int, int, float, float, float, float]],
 ]: ...

@@ -22,8 +22,6 @@ from app.numerics.summary import Rival, summarise
 from app.numerics.tapes import BOTH
 from app.numerics.this_road import weigh
 
-WORTH_TELLING = 1.05  # times the surveys' noise: with less, nothing is worked out anew
-
 _new = tuple.__new__  # a window that fits everywhere names a thousand: a third of the time
 
 
@@ -44,17 +42,15 @@ def answer(
         log_prior: Of the last places, against any metre of the map, that is in their scores times
             the temperature; None = all are alike.
     """
-    temperature = query.temperature(index.calibration)
-    told = summarise(index, places, temperature, confidence, in_c=query.told is not None)
+    temperature, best = query.temperature(index.calibration), int(places.score.argmax())
     before = len(places) - (0 if log_prior is None else len(log_prior))
-    known = 0.0 if log_prior is None or told.best < before else float(log_prior[told.best - before])
-    fit = fit_of_place(index, query, places, told.best, temperature * known)
+    known = 0.0 if log_prior is None or best < before else float(log_prior[best - before])
+    fit = fit_of_place(index, query, places, best, temperature * known)
     off_map = off_map_probability(index.calibration, fit, query.information(index.calibration))
-    if fit is not None and fit.noise > WORTH_TELLING:
-        louder = _of_noise(places, fit.noise, temperature, log_prior)
-        told = summarise(
-            index, louder, temperature * fit.noise, confidence, in_c=query.told is not None
-        )
+    if fit is not None and fit.noise > 1.0:
+        places = _of_noise(places, fit.noise, temperature, log_prior)
+        temperature *= fit.noise
+    told = summarise(index, places, temperature, confidence, in_c=query.told is not None)
     road, sign = index.roads[told.road], int(places.sign[told.peak])
     segment = road.segment_at(told.chainage_m)
     residual, weight = places.values[RESIDUAL:APART, told.peak].tolist()
@@ -90,8 +86,8 @@ def _of_noise(
     places: Places, times: float, temperature: float, log_prior: Float[np.ndarray, " last"] | None
 ) -> Places:
     """
-    Places whose scores are to be divided by more, as readings of a noisier device say less; what is
-    known of the last places beforehand is no less known for it.
+    Places whose scores are to be divided by more, as noisier readings say less; what is known of
+    the last places beforehand is no less known for it.
     """
     if log_prior is None or not len(log_prior):
         return places
@@ -119,17 +115,16 @@ def fit_of_place(
         return None
     score, *offsets = places.values[SCORE:, place].tolist()
     prior, calibration, elsewhere = query.prior(index), index.calibration, 0.0
-    factor, noise = 0.0, 1.0
+    judged = 0.0, 1.0
     alone = err_apart(calibration)
     if not alone or any(calibration.off_map[ELSEWHERE:FACTOR]):  # only older maps ask for both
         elsewhere = query.elsewhere(calibration)
     if alone:
         number, sign = places.where[:, place].tolist()
         road = own if own is not None and own.number == number else index.roads[number]
-        told = weigh(query, road, sign, float(places.chainage_m[place]), prior)
-        factor, noise = told.log_factor, told.noise
+        judged = weigh(query, road, sign, float(places.chainage_m[place]), prior).judged()
     sums = (score - raised_by, *offsets)
-    return best_fit(sums, prior, query.fine, elsewhere, factor)._replace(noise=noise)
+    return best_fit(sums, prior, query.fine, elsewhere, judged)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

@@ -14,7 +14,6 @@ from jaxtyping import Bool, Float
 
 from app.domain import FEATURE_KINDS, Direction, Fix, Window
 from app.numerics import native
-from app.numerics.answer import WORTH_TELLING
 from app.numerics.contributions import Contributions, Place, contributions
 from app.numerics.elsewhere import log_evidence, or_featureless
 from app.numerics.expected import Expected, expected
@@ -25,7 +24,7 @@ from app.numerics.index import MapIndex
 from app.numerics.offmap import err_apart
 from app.numerics.query import Query, ask
 from app.numerics.rivals import answered_place, runner_up
-from app.numerics.this_road import Likelihoods, weigh
+from app.numerics.this_road import weigh
 
 EXPECTED_FROM = 0.5  # a cell this probable at the answer's place, and never heard, is missing
 VARIANCE, DIFFERENCE = FEATURE_KINDS.index("variance"), FEATURE_KINDS.index("mean_difference")
@@ -105,7 +104,7 @@ class Explanation:
         any_road: How probable its levels are on a road of which nothing is known, likewise.
         this_road: Log of how much more probable they are here than on others, what readings share
             counted (`app.numerics.this_road`); None without cells, and where samples err together.
-        noise: How many times the surveys' variance the device's noise has; 1 where nobody knows.
+        noise: How many times the surveys' variance readings have, expected; 1 where nobody knows.
         silence: For how much it counts that it lists no other cells (`app.numerics.listing`).
         left_out: Wild readings, oldest first; they are in nothing else here.
         unlisted: How many readings more are not, as the surveys' phones would not have listed them.
@@ -171,9 +170,8 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
     sight = _Sight(index, query, behind_m, rsrp_dbm, reference)
     answer = sight.account(here)
     rival = sight.account(there, answer.told.offset_db)  # it is one device, wherever it was
-    laws = _laws(index, query, here)
+    this_road, noise = _judged(index, query, here)
     wild, unlisted = left_out(index, window, query)
-    noise = 1.0 if laws is None or laws.noise <= WORTH_TELLING else laws.noise
     return Explanation(
         cells=query.cells,
         behind_m=behind_m,
@@ -190,7 +188,7 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
         any_road=or_featureless(log_evidence(query.fine)) / _readings(query)
         if query.cells
         else None,
-        this_road=None if laws is None else laws.log_factor,
+        this_road=this_road,
         noise=noise,
         silence=silence_of(query),
         left_out=wild,
@@ -286,12 +284,12 @@ def _fit(query: Query, told: Contributions) -> float:
     return (told.score - told.gain + free) / _readings(query)
 
 
-def _laws(index: MapIndex, query: Query, place: Place) -> Likelihoods | None:
-    """`app.numerics.this_road` at the place, where it counts."""
+def _judged(index: MapIndex, query: Query, place: Place) -> tuple[float | None, float]:
+    """`app.numerics.this_road` at the place, where it counts: the factor, and the noise."""
     if not (query.cells and err_apart(index.calibration)):
-        return None
+        return None, 1.0
     road, prior = index.roads[place.road], query.prior(index)
-    return weigh(query, road, place.sign, place.chainage_m, prior)
+    return weigh(query, road, place.sign, place.chainage_m, prior).judged()
 
 
 def _readings(query: Query) -> float:

@@ -21,7 +21,7 @@ def summary(
     radius: tuple[float, float],
     spread: tuple[float, float],
     negligible: tuple[float, float, float],
-) -> tuple[int, float, int, float, float, float, float, float, int, list[Rival]]:
+) -> tuple[int, float, int, float, float, float, float, float, list[Rival]]:
     """
     Twin of `app.numerics.summary.summarise`.
 

@@ -42,7 +42,7 @@ class Fit(NamedTuple):
             `app.numerics.elsewhere`.
         factor: How much more probable the levels are on this road than on others, by the logarithm,
             see `app.numerics.this_road`; 0 where samples do not err each for itself.
-        noise: How many times the surveys' variance the device's noise has, likewise; else 1.
+        noise: How many times the surveys' variance readings have, likewise; else 1.
     """
 
     per_reading: float
@@ -107,7 +107,7 @@ def best_fit(
     prior: OffsetPrior,
     seen: Evidence,
     elsewhere: float,
-    factor: float,
+    judged: tuple[float, float],
 ) -> Fit:
     """
     How well a window fits the map at all.
@@ -115,7 +115,7 @@ def best_fit(
     Args:
         sums: Score, residual and weight of the best place, and how probably groups are apart there.
         elsewhere: Log evidence of its levels on any road.
-        factor: See `Fit`.
+        judged: Factor and noise, see `Fit`.
     """
     score, residual, weight, apart = sums
     weight = max(weight, 1e-6)
@@ -128,7 +128,8 @@ def best_fit(
         score=score / min(prior.temperature, 1.0),
         weight=weight,
         elsewhere=elsewhere,
-        factor=factor,
+        factor=judged[0],
+        noise=judged[1],
     )
 
 

@@ -78,6 +78,7 @@ def reliability(index: MapIndex, trials: Sequence[Trial], learnt: Calibration) -
 
 def _outcome(index: MapIndex, one: Trial) -> Outcome:
     temperature = index.calibration.temperature(one.weight, one.samples)
+    temperature *= 1.0 if one.fit is None else one.fit.noise
     if one.truth.measured and one.truth.doubt_m > 0.0:
         index = index.recalibrated(_beside(index.calibration, one.truth.doubt_m))
     told = [

@@ -32,7 +32,6 @@ class Summary:
         peak: Index of its most probable place.
         chainage_m: Mean of the posterior about that place, in one direction.
         heading_deg: Of growing chainage.
-        best: Index of the place with the highest score of all.
         rivals: One a sub-segment and direction, most probable first; ties by road, sub-segment and
             direction, forward first. One that has mass of places beside it only lies at its edge.
     """
@@ -45,7 +44,6 @@ class Summary:
     lat: float
     heading_deg: float
     radius_m: float
-    best: int
     rivals: list[Rival]
 
 
@@ -94,7 +92,6 @@ def _summarise(index: MapIndex, places: Places, temperature: float, confidence: 
         lat,
         float(atlas.plane[4, here.low[0]]),
         radius_m(away_m, mass, places.width_m, confidence, index.calibration.position_sd_m),
-        int(places.score.argmax()),
         _rivals(index, places, mass, spots),
     )
 

@@ -30,6 +30,7 @@ from app.numerics.observation import HEARD_FLOOR, HEARING_WEIGHT, TERMS, Profile
 
 COARSE_STEPS_M = (4.0, 8.0, 16.0)  # each serves windows up to GAP times as long
 GAP = 26  # empty columns between roads on a tape: a window may reach that far off a road's end
+LINE_BYTES = 64  # of a processor's cache
 TAPE_COLUMNS = 1600  # beyond, a tape's matrix product costs more than starting another
 MERGED = 4  # rows of a cell at the coarse scale
 BLOCK = 16  # columns that lie together, the kernels' measure
@@ -252,7 +253,16 @@ def _in_blocks(
     fixed = np.float32(HEARING_WEIGHT) * terms[:, 3] - np.float32(0.5) * terms[:, 2]
     merged = np.stack((terms[:, 0], terms[:, 1], fixed, terms[:, 4]), axis=1)
     blocks = merged.reshape(len(merged), MERGED, -1, BLOCK).swapaxes(1, 2)
-    return np.ascontiguousarray(blocks), along.rows[-1].copy()
+    return _aligned(blocks), along.rows[-1].copy()
+
+
+def _aligned(values: Float32[np.ndarray, "*shape"]) -> Float32[np.ndarray, "*shape"]:
+    """A copy that begins with a line of the cache, so that no block of columns straddles two."""
+    room = np.empty(values.nbytes + LINE_BYTES, dtype=np.uint8)
+    first = -room.ctypes.data % LINE_BYTES
+    found = room[first : first + values.nbytes].view(np.float32).reshape(values.shape)
+    found[...] = values
+    return found
 
 
 def _coarse_road(

@@ -40,6 +40,8 @@ SHADOWING = Field(6.0, 20.0)
 MUCH = 0.1  # how often an area has drifted much
 NOISIER = 0.05  # how often a device is noisier than the surveys' were
 NOISE_TIMES = 3.0  # its variance then: of twice to five times as much radii hold what they say
+DRIFT_TIMES = 2.4  # what readings miss a road by that has drifted much, as a variance likewise
+WORTH_TELLING = 1.05  # times the surveys' variance: less than that is none
 ANOTHER = 0.01  # how often a stranger's means are the road's own
 BACKGROUND_LOG = math.log(BACKGROUND_SPAN_DB) - 0.5 * math.log(2.0 * math.pi)
 KERNEL_LAWS = (*DRIFT.law, *MUCH_DRIFT.law, *SHADOWING.law, NOISE_TIMES, BACKGROUND_LOG)
@@ -65,25 +67,21 @@ class Likelihoods(NamedTuple):
     another: float
     any_road: float
 
-    @property
-    def log_factor(self) -> float:
-        """Of this road against the others."""
-        others = _either(ANY_LOG + self.any_road, ANOTHER_LOG + self.another)
-        return _either(self._as_surveyed, NOISIER_LOG + self.noisier) - or_featureless(others)
-
-    @property
-    def noise(self) -> float:
-        """How many times the surveys' variance the device's noise has, expected on this road."""
-        odds = math.exp(min(self._as_surveyed - NOISIER_LOG - self.noisier, 700.0))
-        return 1.0 + (NOISE_TIMES - 1.0) / (1.0 + odds)
-
-    @property
-    def _as_surveyed(self) -> float:
-        return _either(LITTLE_LOG + self.here, MUCH_LOG + self.drifted)
-
-
-def _either(one: float, other: float) -> float:
-    return max(one, other) + math.log1p(math.exp(-abs(one - other)))
+    def judged(self) -> tuple[float, float]:
+        """
+        The log of the factor, of this road against the others, and the noise: how many times the
+        surveys' variance readings have here, expected, as the device is noisier or the area has
+        drifted; 1 where that is hardly more.
+        """
+        here, drifted = LITTLE_LOG + self.here, MUCH_LOG + self.drifted
+        noisier = NOISIER_LOG + self.noisier
+        most = max(here, drifted, noisier)
+        shares = math.exp(here - most), math.exp(drifted - most), math.exp(noisier - most)
+        times = (shares[0] + DRIFT_TIMES * shares[1] + NOISE_TIMES * shares[2]) / sum(shares)
+        any_road, another = ANY_LOG + self.any_road, ANOTHER_LOG + self.another
+        others = max(any_road, another) + math.log1p(math.exp(-abs(any_road - another)))
+        log_factor = most + math.log(sum(shares)) - or_featureless(others)
+        return log_factor, times if times > WORTH_TELLING else 1.0
 
 
 class OnRoad(NamedTuple):

@@ -15,6 +15,7 @@ MOST_SENTENCES = 3  # cells named; the rest is in the numbers
 SMALLEST_SHARE = 0.1  # of the difference that is explained: less is not worth a sentence
 STEADY = 0.7  # a mean deviation of so much of its root mean square is one to one side
 CLEAR_ODDS = 1e6  # beyond, the model is surer than anybody should be
+NOISY = 1.5  # times the surveys' variance: less may be expected of any short window
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +67,11 @@ def _device(told: Explanation) -> list[str]:
             "The device lists fewer cells than the surveys' did: that others were not heard counts "
             f"for {told.silence:.0%}."
         )
-    if told.noise > 1.0:
+    if told.noise >= NOISY:
         said.append(
-            f"The device is noisier than the surveys' were: variance times {told.noise:.1f}, and a "
-            "fix as much less sure."
+            "Readings stray further than the surveys' did, as of a noisier device or an area that "
+            f"has changed: variance times {told.noise:.1f} may be expected, and a fix is as much "
+            "less sure."
         )
     return said
 

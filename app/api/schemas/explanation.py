@@ -134,8 +134,9 @@ class ExplanationDocument(BaseModel):
         "roads, what readings share counted, nats in all; null where samples err together."
     )
     noise: float = Field(
-        description="How many times the surveys' variance the device's noise has; 1 where samples "
-        "err together. `temperature` has it in it."
+        description="How many times the surveys' variance readings may be expected to have: more "
+        "of a noisy device, or where the area has drifted; 1 where samples err together. "
+        "`temperature` has it in it."
     )
     silence: float = Field(
         description="For how much it counts that the window lists no other cells, 0 to 1: less "

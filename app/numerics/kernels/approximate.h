@@ -12,10 +12,10 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* x86 since 2013 works on eight floats at once; the loader picks the version for the machine. */
+/* x86 since 2013 works on eight floats at once, newer ones on sixteen; the loader picks. */
 #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__) && \
     __GNUC__ >= 12 && !defined(__SANITIZE_ADDRESS__)
-#define FOR_EACH_MACHINE __attribute__((target_clones("arch=x86-64-v3", "default")))
+#define FOR_EACH_MACHINE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define FOR_EACH_MACHINE
 #endif

@@ -394,14 +394,11 @@ static PyObject *list_of(const Candidates *listed, const Atlas *map, double negl
 static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, double *mass,
                            const double options[10])
 {
-    ptrdiff_t road, peak, low, best = 0;
-    const double *score = all->values + SCORE * all->count;
+    ptrdiff_t road, peak, low;
     double road_mass, chainage_m, share = 0.0, radius_m = 0.0, light = 0.0;
     share_mass(all, options[0], mass);
-    for (ptrdiff_t i = 0; i < all->count; i++) {
+    for (ptrdiff_t i = 0; i < all->count; i++)
         light += mass[i] <= options[7] ? mass[i] : 0.0;
-        best = score[i] > score[best] ? i : best;
-    }
     check(call, find_summit(all, mass, map->roads, options[1], options[2], &road,
                             &road_mass, &peak, &chainage_m));
     check(call, low = call->failed ? 0 : spot(map, road, chainage_m, &share));
@@ -417,9 +414,9 @@ static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, doub
     free(listed.each);
     if (list == NULL)
         return NULL;
-    return Py_BuildValue("ndndddddnN", road, road_mass, peak, chainage_m,
+    return Py_BuildValue("ndndddddN", road, road_mass, peak, chainage_m,
                          between(map, LON, low, share), between(map, LAT, low, share),
-                         map->plane[HEADING * map->grid + low], radius_m, best, list);
+                         map->plane[HEADING * map->grid + low], radius_m, list);
 }
 
 static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
@@ -488,7 +485,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 22);
+    return PyModule_AddIntConstant(module, "VERSION", 23);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LANES = 8, ABREAST = BLOCK / LANES };
+enum { LANES = 8, ABREAST = BLOCK / LANES, ROW = 8 };
 typedef float Lanes __attribute__((vector_size(LANES * sizeof(float))));
 typedef float LooseLanes /* the same wherever it lies */
     __attribute__((vector_size(LANES * sizeof(float)), aligned(sizeof(float)), may_alias));
@@ -45,34 +45,47 @@ INLINE void keep(float *to, Lanes lanes)
     *(LooseLanes *)to = lanes;
 }
 
+/* What a joined sample says of all cells in a block of columns. */
+INLINE void lay_score(const Tape *tape, const Factors *f, const Brief *brief, ptrdiff_t i,
+                      ptrdiff_t column, Lanes score[ABREAST])
+{
+    Lanes hearing[ABREAST];
+    for (int j = 0; j < ABREAST; j++) {
+        score[j] = (float)f->outside[i] * load(tape->outside + column + j * LANES);
+        hearing[j] = (Lanes){0};
+    }
+    for (ptrdiff_t k = f->first[i]; k < f->first[i + 1]; k++) {
+        const float *at = brief[k].first + MERGED * column;
+        for (int j = 0; j < ABREAST; j++, at += LANES) {
+            score[j] += brief[k].square * load(at) + brief[k].level * load(at + BLOCK);
+            hearing[j] += brief[k].heard * load(at + 2 * BLOCK);
+            hearing[j] += brief[k].share * load(at + 3 * BLOCK);
+        }
+    }
+    for (int j = 0; j < ABREAST; j++)
+        score[j] += hearing[j];
+}
+
 /* All cells' scores, without offsets, at every column: `ahead` and `back` are the two ways' sums. */
 FOR_EACH_MACHINE
 static void lay_scores(const Tape *tape, const Factors *f, const Brief *brief, float *ahead,
                        float *back, Each each)
 {
-    for (ptrdiff_t column = 0; column < tape->columns; column += BLOCK)
-        for (ptrdiff_t i = 0; i < f->samples; i++) {
-            Lanes score[ABREAST], hearing[ABREAST];
-            for (int j = 0; j < ABREAST; j++) {
-                score[j] = (float)f->outside[i] * load(tape->outside + column + j * LANES);
-                hearing[j] = (Lanes){0};
-            }
-            for (ptrdiff_t k = f->first[i]; k < f->first[i + 1]; k++) {
-                const float *at = brief[k].first + MERGED * column;
-                for (int j = 0; j < ABREAST; j++, at += LANES) {
-                    score[j] += brief[k].square * load(at) + brief[k].level * load(at + BLOCK);
-                    hearing[j] += brief[k].heard * load(at + 2 * BLOCK);
-                    hearing[j] += brief[k].share * load(at + 3 * BLOCK);
+    for (ptrdiff_t start = 0; start < tape->columns; start += ROW * BLOCK) {
+        ptrdiff_t end = start + ROW * BLOCK < tape->columns ? start + ROW * BLOCK : tape->columns;
+        for (ptrdiff_t i = 0; i < f->samples; i++)
+            for (ptrdiff_t column = start; column < end; column += BLOCK) {
+                Lanes score[ABREAST];
+                lay_score(tape, f, brief, i, column, score);
+                for (int j = 0; j < ABREAST; j++) {
+                    ptrdiff_t at = column + j * LANES;
+                    add(ahead + at + f->behind[i], score[j]);
+                    add(back + at - f->behind[i], score[j]);
+                    if (each.values != NULL)
+                        keep(each.values + i * each.stride + at, score[j]);
                 }
             }
-            for (int j = 0; j < ABREAST; j++) {
-                ptrdiff_t at = column + j * LANES;
-                add(ahead + at + f->behind[i], score[j] + hearing[j]);
-                add(back + at - f->behind[i], score[j] + hearing[j]);
-                if (each.values != NULL)
-                    keep(each.values + i * each.stride + at, score[j] + hearing[j]);
-            }
-        }
+    }
 }
 
 /* Whether any of the cells has a level in a block; where none has, there is no residual. */
@@ -88,41 +101,58 @@ INLINE int mapped(const Briefs *own, ptrdiff_t column)
     return all > 0.0f;
 }
 
-/* Residuals and weights of one group at every column where it is mapped. */
+/* What a joined sample says of a group in a block of columns. */
+INLINE void lay_residual(const Briefs *own, ptrdiff_t i, ptrdiff_t column, Lanes here[2][ABREAST])
+{
+    for (int channel = 0; channel < 2; channel++)
+        for (int j = 0; j < ABREAST; j++)
+            here[channel][j] = (Lanes){0};
+    for (ptrdiff_t k = own->first[i]; k < own->first[i + 1]; k++) {
+        const Brief *one = own->each + k;
+        for (int j = 0; j < ABREAST; j++) {
+            const float *at = one->first + MERGED * column + j * LANES;
+            Lanes precision = load(at), pull = load(at + BLOCK);
+            here[0][j] += one->level * precision - one->heard * pull;
+            here[1][j] += one->heard * precision;
+        }
+    }
+}
+
+/*
+ * Residuals and weights of one group at every column where it is mapped: sample by sample along
+ * some blocks, for a sum that was stored a moment ago cannot be loaded at once from beside it.
+ */
 FOR_EACH_MACHINE
 static void lay_residuals(const Tape *tape, const Briefs *own, ptrdiff_t pad,
                           float *const ways[2][SUMS], Each each, Row *touched)
 {
     *touched = (Row){tape->columns, 0};
-    for (ptrdiff_t column = 0; column < tape->columns; column += BLOCK) {
-        int some = mapped(own, column);
-        if (!some && each.values == NULL)
-            continue;
-        if (some)
-            *touched = (Row){column < touched->first ? column : touched->first, column + BLOCK};
+    for (ptrdiff_t start = 0; start < tape->columns; start += ROW * BLOCK) {
+        ptrdiff_t end = start + ROW * BLOCK < tape->columns ? start + ROW * BLOCK : tape->columns;
+        int some[ROW];
+        for (ptrdiff_t column = start; column < end; column += BLOCK)
+            if ((some[(column - start) / BLOCK] = mapped(own, column)))
+                *touched = (Row){column < touched->first ? column : touched->first, column + BLOCK};
         for (ptrdiff_t i = 0; i < own->samples; i++) {
             if (own->first[i] == own->first[i + 1])
                 continue;
-            Lanes here[2][ABREAST] = {{{0}}};
-            for (ptrdiff_t k = own->first[i]; some && k < own->first[i + 1]; k++) {
-                const Brief *one = own->each + k;
-                for (int j = 0; j < ABREAST; j++) {
-                    const float *at = one->first + MERGED * column + j * LANES;
-                    Lanes precision = load(at), pull = load(at + BLOCK);
-                    here[0][j] += one->level * precision - one->heard * pull;
-                    here[1][j] += one->heard * precision;
-                }
+            for (ptrdiff_t column = start; column < end; column += BLOCK) {
+                Lanes here[2][ABREAST] = {{{0}}};
+                if (some[(column - start) / BLOCK]) {
+                    lay_residual(own, i, column, here);
+                    for (int channel = 0; channel < 2; channel++)
+                        for (int j = 0; j < ABREAST; j++) {
+                            ptrdiff_t at = pad + column + j * LANES;
+                            add(ways[0][1 + channel] + at + own->behind[i], here[channel][j]);
+                            add(ways[1][1 + channel] + at - own->behind[i], here[channel][j]);
+                        }
+                } else if (each.values == NULL)
+                    continue;
+                for (int channel = 0; channel < 2 && each.values != NULL; channel++)
+                    for (int j = 0; j < ABREAST; j++)
+                        keep(each.values + (2 * i + channel) * each.stride + column + j * LANES,
+                             here[channel][j]);
             }
-            for (int channel = 0; channel < 2; channel++)
-                for (int j = 0; j < ABREAST; j++) {
-                    ptrdiff_t at = column + j * LANES;
-                    if (some) {
-                        add(ways[0][1 + channel] + pad + at + own->behind[i], here[channel][j]);
-                        add(ways[1][1 + channel] + pad + at - own->behind[i], here[channel][j]);
-                    }
-                    if (each.values != NULL)
-                        keep(each.values + (2 * i + channel) * each.stride + at, here[channel][j]);
-                }
         }
     }
 }
