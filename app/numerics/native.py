@@ -32,6 +32,8 @@ except ImportError:
 else:
     BUILT = _native.VERSION == 23  # a library left by an older version of the code is not used
 
+OUTSIDE_LOG = math.log(OUTSIDE_HEARD)
+
 Floats = NDArray[np.float64]
 Wholes = NDArray[np.signedinteger[Any]]
 Likelihood = tuple[float, float, float, float, float, float, float, float, float]
@@ -42,11 +44,12 @@ def likelihood(prior: OffsetPrior) -> Likelihood:
     The constants of `app.numerics.observation` and a window's prior, as the kernels take them:
     variances are divided by its temperature, which is the last of all.
     """
-    cooled = 1.0 / prior.temperature
-    like = (prior.like_db2 * cooled, prior.like_log)
-    broad = (prior.any_db2 * cooled, prior.any_log)
-    more = (prior.group_db2 * cooled, prior.apart, prior.temperature)
-    return (HEARING_WEIGHT, math.log(OUTSIDE_HEARD), *like, *broad, *more)
+    like_db2, like_log, any_db2, any_log, group_db2, apart, temperature = prior
+    cooled = 1.0 / temperature
+    return (
+        *(HEARING_WEIGHT, OUTSIDE_LOG, like_db2 * cooled, like_log, any_db2 * cooled, any_log),
+        *(group_db2 * cooled, apart, temperature),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -128,26 +128,31 @@ def offset_gain(
 
 def offset_gain_at(residual: float, weight: float, prior: OffsetPrior) -> float:
     """`offset_gain` at one place."""
-    (first, _), (second, _) = _offset_parts(residual, weight, prior)
+    first, _, second, _ = _offset_parts(residual, weight, prior)
     return prior.temperature * (max(first, second) + math.log1p(math.exp(-abs(first - second))))
 
 
 def offset_db(residual: float, weight: float, prior: OffsetPrior) -> float:
     """Mean of the device offset given the residual and weight at one place, in dB."""
-    (first_log, first_db), (second_log, second_db) = _offset_parts(residual, weight, prior)
+    first_log, first_db, second_log, second_db = _offset_parts(residual, weight, prior)
     odds = math.exp(max(min(second_log - first_log, 50.0), -50.0))
     return (first_db + odds * second_db) / (1.0 + odds)
 
 
-def _offset_parts(residual: float, weight: float, prior: OffsetPrior) -> list[tuple[float, float]]:
+def _offset_parts(
+    residual: float, weight: float, prior: OffsetPrior
+) -> tuple[float, float, float, float]:
     """Of each part of the prior: the log of what it adds to the likelihood, and its mean in dB."""
-    parts, cooled = [], 1.0 / prior.temperature
-    for variance, log_share in ((prior.like_db2, prior.like_log), (prior.any_db2, prior.any_log)):
-        spread = variance * cooled
-        inflation = 1.0 + weight * spread
-        log = log_share + 0.5 * residual**2 * cooled * spread / inflation
-        parts.append((log - 0.5 * math.log(inflation), residual * spread / inflation))
-    return parts
+    cooled = 1.0 / prior.temperature
+    squared, like_db2, any_db2 = 0.5 * residual**2 * cooled, prior.like_db2, prior.any_db2
+    like, broad = 1.0 + weight * like_db2 * cooled, 1.0 + weight * any_db2 * cooled
+    like_db2, any_db2 = like_db2 * cooled / like, any_db2 * cooled / broad
+    return (
+        prior.like_log + squared * like_db2 - 0.5 * math.log(like),
+        residual * like_db2,
+        prior.any_log + squared * any_db2 - 0.5 * math.log(broad),
+        residual * any_db2,
+    )
 
 
 def group_offsets_db(

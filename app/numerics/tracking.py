@@ -7,7 +7,9 @@ Condense: the posterior becomes a few modes again (`app.numerics.belief`). Nothi
 belief goes with the caller.
 
 For its first `LONGEST_M`, while it has not turned, a track is one window: its readings go with the
-caller, too, and are asked together, since a long window knows what short ones have in common.
+caller, too, and are asked together, since a long window knows what short ones have in common. Where
+samples err each for itself that goes on with the last `LONGEST_M`: there a window is as good as its
+readings are many, and of what lies farther back an odometer that errs leaves little.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from app.numerics.index import MapIndex
 from app.numerics.matching import COARSE_FLATTENING, Coarse, fine_places, place, shortlist
 from app.numerics.motion import Branch, Predicted, predict
 from app.numerics.observation import CORRELATION_M
-from app.numerics.offmap import OFF_MAP_PRIOR, Fit, off_map_probability
+from app.numerics.offmap import OFF_MAP_PRIOR, Fit, err_apart, off_map_probability
 from app.numerics.paths import places_round, turns_within
 from app.numerics.posterior import SCORE, Places, masses
 from app.numerics.query import LONGEST_M, Query, ask
@@ -92,7 +94,9 @@ def follow(
         return filtered
     joined = _joined(heard, recent, travelled_m)
     if joined.distance_m[-1] - joined.distance_m[0] > LONGEST_M:
-        return filtered
+        if not err_apart(index.calibration):
+            return filtered
+        joined = _latest(joined)
     whole = begin(index, joined, confidence=confidence, in_c=in_c)
     if whole.fix.off_map_posterior > FITS_NOWHERE:  # driven some other way than along one road
         return replace(filtered, heard=joined)
@@ -145,6 +149,12 @@ def _joined(heard: Window, recent: Window, travelled_m: float) -> Window:
     new_m = recent.distance_m - recent.distance_m[-1]
     way_m, rsrp_dbm = np.concatenate((before_m, new_m)), np.concatenate(parts)
     return Window(cells, way_m, rsrp_dbm, recent.distance_error)
+
+
+def _latest(window: Window) -> Window:
+    """The samples of the last `LONGEST_M`."""
+    recent = window.distance_m >= window.distance_m[-1] - LONGEST_M
+    return replace(window, distance_m=window.distance_m[recent], rsrp_dbm=window.rsrp_dbm[recent])
 
 
 def _turned(index: MapIndex, belief: Belief, predicted: Predicted, fix: Fix) -> bool:

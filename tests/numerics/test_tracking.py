@@ -169,6 +169,23 @@ def test_a_young_track_is_asked_as_one_window():
             assert total(step.tracked) == pytest.approx(1.0, abs=1e-9)
 
 
+def test_where_samples_err_apart_a_track_goes_on_as_its_last_metres(monkeypatch):
+    """Beyond what a window may be long; real streets' belief goes on without readings."""
+    monkeypatch.setattr(tracking, "LONGEST_M", 120.0)
+    index, tour = index_of(cells=2), next(sides(2))
+    steps = follow_tour(index, tour, length_m=30.0, step_m=30.0)[5:]
+    assert len(steps) >= 6
+    for step in steps:
+        kept = step.tracked.fix.samples_used
+        assert kept in (120, 121)  # a sample a metre; the oldest may lie 120 m back, or just beyond
+        last = matching.locate(index, tour.window(step.last - kept + 1, step.last), in_c=False)
+        assert step.tracked.heard is not None
+        assert step.tracked.fix.chainage_m == pytest.approx(last.chainage_m, abs=1e-6)
+    together = replace(index.calibration, information_once=0.4, information_each=0.1)
+    steps = follow_tour(index.recalibrated(together), tour, length_m=30.0, step_m=30.0)
+    assert [step.tracked.heard is None for step in steps] == [False] * 4 + [True] * (len(steps) - 4)
+
+
 def test_an_old_track_carries_no_readings():
     """Beyond 400 m, and round a corner that it has seen, the belief alone goes on."""
     index, city = index_of(cells=6), city_of(cells=6)
