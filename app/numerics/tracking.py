@@ -8,8 +8,9 @@ belief goes with the caller.
 
 For its first `LONGEST_M`, while it has not turned, a track is one window: its readings go with the
 caller, too, and are asked together, since a long window knows what short ones have in common. Where
-samples err each for itself that goes on with the last `LONGEST_M`: there a window is as good as its
-readings are many, and of what lies farther back an odometer that errs leaves little.
+samples err each for itself that goes on with the last `LONGEST_M`, and begins anew on the road that
+it has turned onto: there a window is as good as its readings are many, and of what lies farther
+back an odometer that errs leaves little.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from app.domain import Candidate, Fix, Window
 from app.numerics import native
 from app.numerics.answer import answer, fit_of_place
 from app.numerics.belief import Belief, Mode, Prior, condense
+from app.numerics.carried import joined, latest, unheard
 from app.numerics.index import MapIndex
 from app.numerics.matching import COARSE_FLATTENING, Coarse, fine_places, place, shortlist
 from app.numerics.motion import Branch, Predicted, predict
@@ -38,6 +40,7 @@ MOST_TURNS = 12  # windows are laid round this many corners at most, the likelie
 MOST_SAID = 12.0  # nats that one window may say against a place: 1 in 160,000
 NEWS = 0.4  # of what a later window says: it has its device and its day in common with those before
 FITS_NOWHERE = 0.5  # chance of being off the map from which a track is not asked as one window
+ELSEWHERE_M = 30.0  # fixes farther apart than this along a road are of different places
 TURNED_M = 30.0  # an answer so near to where a branch has turned to has turned
 OFF_MAP_BOUNDS = (0.002, 0.2)  # what a track may say of being off the map before it listens
 
@@ -48,7 +51,8 @@ class Tracked:
     A fix, and what it leaves to the next window.
 
     Attributes:
-        heard: All readings since the track began, while they are asked together; else None.
+        heard: Readings that are asked together with the next window's; None = its belief goes on
+            alone.
     """
 
     fix: Fix
@@ -86,23 +90,45 @@ def follow(
             were heard already and count no second time.
     """
     predicted = predict(index, belief, travelled_m, window.distance_error)
-    recent = _unheard(window, travelled_m)
+    recent = unheard(window, travelled_m)
     filtered = _filtered(index, recent, belief, predicted, travelled_m, (confidence, in_c))
     if travelled_m <= 0:
         return replace(filtered, heard=heard)
     if heard is None or _turned(index, belief, predicted, filtered.fix):
-        return filtered
-    joined = _joined(heard, recent, travelled_m)
-    if joined.distance_m[-1] - joined.distance_m[0] > LONGEST_M:
-        if not err_apart(index.calibration):
+        return replace(filtered, heard=_begun_anew(index, belief, recent, filtered.fix))
+    together, apart = joined(heard, recent, travelled_m), err_apart(index.calibration)
+    if together.distance_m[-1] - together.distance_m[0] > LONGEST_M:
+        if not apart:
             return filtered
-        joined = _latest(joined)
-    whole = begin(index, joined, confidence=confidence, in_c=in_c)
+        together = latest(together, LONGEST_M)
+    whole = begin(index, together, confidence=confidence, in_c=in_c)
     if whole.fix.off_map_posterior > FITS_NOWHERE:  # driven some other way than along one road
-        return replace(filtered, heard=joined)
+        return replace(filtered, heard=together)
+    if apart and _surer(filtered.fix, whole.fix):  # of what was driven before, too
+        return replace(filtered, heard=together)
     # The last metres alone may fit badly by chance.
     off_map = min(filtered.fix.off_map_posterior, whole.fix.off_map_posterior)
-    return Tracked(_with_off_map(whole.fix, off_map), whole.belief.with_off_map(off_map), joined)
+    return Tracked(_with_off_map(whole.fix, off_map), whole.belief.with_off_map(off_map), together)
+
+
+def _begun_anew(index: MapIndex, belief: Belief, recent: Window, fix: Fix) -> Window | None:
+    """
+    The new readings, where samples err each for itself and all of them lie on the road of the fix:
+    from here on a track is one window once more.
+    """
+    if not (err_apart(index.calibration) and belief.modes):
+        return None
+    before = belief.modes[0]
+    here = index.road_ids.index(fix.road_id), fix.direction.sign
+    return recent if here == (before.road, before.sign) else None
+
+
+def _surer(fix: Fix, other: Fix) -> bool:
+    """Whether the fix is another place, and more probably right."""
+    same = (fix.road_id, fix.direction) == (other.road_id, other.direction)
+    if same and abs(fix.chainage_m - other.chainage_m) <= ELSEWHERE_M:
+        return False
+    return fix.segment_posterior > other.segment_posterior
 
 
 def _filtered(
@@ -136,27 +162,6 @@ def _filtered(
     return Tracked(_with_off_map(fix, off_map), learnt)
 
 
-def _joined(heard: Window, recent: Window, travelled_m: float) -> Window:
-    """The readings before and the new ones, as one window that ends at 0."""
-    cells = tuple(dict.fromkeys((*heard.cells, *recent.cells)))
-    column = {cell: at for at, cell in enumerate(cells)}
-    parts = []
-    for one in (heard, recent):
-        rsrp_dbm = np.full((len(one.distance_m), len(cells)), np.nan)
-        rsrp_dbm[:, [column[cell] for cell in one.cells]] = one.rsrp_dbm
-        parts.append(rsrp_dbm)
-    before_m = heard.distance_m - heard.distance_m[-1] - travelled_m
-    new_m = recent.distance_m - recent.distance_m[-1]
-    way_m, rsrp_dbm = np.concatenate((before_m, new_m)), np.concatenate(parts)
-    return Window(cells, way_m, rsrp_dbm, recent.distance_error)
-
-
-def _latest(window: Window) -> Window:
-    """The samples of the last `LONGEST_M`."""
-    recent = window.distance_m >= window.distance_m[-1] - LONGEST_M
-    return replace(window, distance_m=window.distance_m[recent], rsrp_dbm=window.rsrp_dbm[recent])
-
-
 def _turned(index: MapIndex, belief: Belief, predicted: Predicted, fix: Fix) -> bool:
     """Whether the fix lies where a branch has turned to, off the road that was likeliest before."""
     road = index.road_ids.index(fix.road_id)
@@ -166,17 +171,6 @@ def _turned(index: MapIndex, belief: Belief, predicted: Predicted, fix: Fix) -> 
         one.legs and one.mode.road == road and abs(one.mode.chainage_m - fix.chainage_m) <= TURNED_M
         for one in predicted.branches
     )
-
-
-def _unheard(window: Window, travelled_m: float) -> Window:
-    """The samples of the last ``travelled_m``; the last sample alone when there is none."""
-    since_m = window.distance_m[-1] - window.distance_m
-    first = int((since_m < travelled_m).argmax()) if travelled_m > 0 else len(since_m) - 1
-    if first == 0 and since_m[0] < travelled_m:
-        return window
-    first = first if since_m[first] < travelled_m else len(since_m) - 1
-    way_m, rsrp_dbm = window.distance_m[first:], window.rsrp_dbm[first:]
-    return Window(window.cells, way_m, rsrp_dbm, window.distance_error)
 
 
 def _trust(index: MapIndex, query: Query, travelled_m: float) -> float:

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.domain import Window
+from app.domain import Calibration, Window
 from app.numerics import matching, native, tracking
 from app.numerics.belief import Belief, Mode
+from app.numerics.calibration import UNTRIED
+from app.numerics.index import MapIndex
 from tests.numerics.cities import city_of, index_of
 from tests.numerics.drives import Leg, follow_tour, tour_of
 
@@ -22,6 +24,12 @@ def sides(cells: int, number: int = 0):
     for place, road_id in enumerate(ROADS):
         for ends in ((10.0, 390.0), (390.0, 10.0)):
             yield tour_of(city, Leg(road_id, *ends), number=number + 10 * place)
+
+
+def err_together(index: MapIndex) -> Calibration:
+    """The map's, had its samples errors in common as on real streets."""
+    said = {"information_once": 0.4, "information_each": 0.1, "off_map": UNTRIED.off_map}
+    return replace(index.calibration, **said)
 
 
 def total(tracked: tracking.Tracked) -> float:
@@ -181,20 +189,36 @@ def test_where_samples_err_apart_a_track_goes_on_as_its_last_metres(monkeypatch)
         last = matching.locate(index, tour.window(step.last - kept + 1, step.last), in_c=False)
         assert step.tracked.heard is not None
         assert step.tracked.fix.chainage_m == pytest.approx(last.chainage_m, abs=1e-6)
-    together = replace(index.calibration, information_once=0.4, information_each=0.1)
-    steps = follow_tour(index.recalibrated(together), tour, length_m=30.0, step_m=30.0)
+    steps = follow_tour(index.recalibrated(err_together(index)), tour, length_m=30.0, step_m=30.0)
     assert [step.tracked.heard is None for step in steps] == [False] * 4 + [True] * (len(steps) - 4)
 
 
 def test_an_old_track_carries_no_readings():
-    """Beyond 400 m, and round a corner that it has seen, the belief alone goes on."""
+    """Beyond 400 m, and round a corner that it has seen, real streets' belief goes on alone."""
     index, city = index_of(cells=6), city_of(cells=6)
+    index = index.recalibrated(err_together(index))
     tour = tour_of(city, Leg("road-south", 150.0, 400.0), Leg("road-east", 0.0, 350.0))
     steps = follow_tour(index, tour, length_m=30.0, step_m=30.0)
     after_corner = [one for one in steps if tour.travelled_m[one.last] > 320.0]
     assert all(one.tracked.heard is None for one in after_corner)
     assert all(one.right for one in after_corner)
     assert all(one.tracked.heard is not None for one in steps if tour.travelled_m[one.last] < 240.0)
+
+
+def test_where_samples_err_apart_a_track_begins_anew_round_a_corner():
+    """The readings that it carries then are of the new road alone, and it is nearer than before."""
+    index, city = index_of(cells=6), city_of(cells=6)
+    tour = tour_of(city, Leg("road-south", 150.0, 400.0), Leg("road-east", 0.0, 350.0))
+    corner_m = float(tour.travelled_m[np.argmax(tour.leg == 1)])
+    steps = follow_tour(index, tour, length_m=30.0, step_m=30.0)
+    after = [one for one in steps if tour.travelled_m[one.last] > corner_m + 60.0]
+    assert len(after) >= 8
+    for step in after:
+        heard, since_m = step.tracked.heard, float(tour.travelled_m[step.last]) - corner_m
+        assert heard is not None
+        assert heard.distance_m[-1] - heard.distance_m[0] <= since_m + 1.0
+        assert step.right
+    assert np.median([step.error_m for step in after]) < 0.2
 
 
 def test_a_standing_car_keeps_its_readings():
