@@ -64,14 +64,17 @@ class Chosen:
         return self.every.with_neighbours(self.rows)
 
 
-def choose(index: MapIndex, query: Query) -> tuple[Chosen, list[Corner]]:
+def choose(index: MapIndex, query: Query, *, strays: bool = False) -> tuple[Chosen, list[Corner]]:
     """
     The coarse positions worth aligning, and the turns that the window is worth laying round.
 
     Places along roads and round corners share one posterior. The best place along a road is always
     among those chosen.
+
+    Args:
+        strays: See `app.numerics.corners.may_turn`.
     """
-    if not may_turn(index, query):
+    if not may_turn(index, query, strays=strays):
         every = score_roads(index, query, tapes_of(index, query), None)
         found = _worth_aligning(index, query, every.score)
         return _chosen(every, found.rows, whole=found.whole), []

@@ -17,6 +17,7 @@ from jaxtyping import Float, Float32, Int
 from app.numerics import carriers, native
 from app.numerics.index import MapIndex
 from app.numerics.motion import TURN, Leg
+from app.numerics.offmap import err_apart
 from app.numerics.offsets import take_offsets
 from app.numerics.paths import Way, places_along
 from app.numerics.posterior import Places
@@ -24,8 +25,11 @@ from app.numerics.query import Query
 from app.numerics.tapes import COARSE_STEPS_M
 from app.numerics.turns import TurnLevel
 
-LEAST_M = 90.0  # shorter windows are explained as well by many turns; 10 s at 30 km/h is shorter
+LEAST_M = 90.0  # shorter windows are explained as well by many turns, and mostly hold none
 EDGE_M = 15.0  # nearer to either end of a window a corner tells nothing
+# Of windows that stray from every road, where samples err each for itself: few tell a corner then.
+SHORT_M = 20.0
+SHORT_EDGE_M = 4.0
 TURN_SHARE = TURN  # of having turned at a given junction, relative to having come straight
 MOST_CORNERS = 6  # turns that are laid metre by metre, the likeliest ones: bounds a query's time
 NEGLIGIBLE = 1e-2  # a turn with less of the coarse posterior than this is not laid
@@ -122,7 +126,7 @@ def score_turns(index: MapIndex, query: Query, laid: Laid) -> Float32[np.ndarray
     level, count = laid.level, laid.parts.shape[2]
     every = (level.onto, level.off, level.room)
     onto, off, room = every if laid.turns is None else (one[laid.turns] for one in every)
-    first = max(int(np.ceil(EDGE_M / laid.step_m)), 1)
+    first = max(int(np.ceil(edge_of(query) / laid.step_m)), 1)
     span = (first, count + 1 - first)
     if query.told is not None:
         return native.score_turns(laid.parts, (onto, off, room), span, query.likelihood(index))
@@ -134,15 +138,26 @@ def score_turns(index: MapIndex, query: Query, laid: Laid) -> Float32[np.ndarray
     return np.where(there, score, NEVER).astype(np.float32)
 
 
-def may_turn(index: MapIndex, query: Query) -> bool:
-    """Whether the window is long enough to be laid round corners, and there are any."""
-    return query.length_m >= LEAST_M and bool(query.cells) and len(index.turns) > 0
+def may_turn(index: MapIndex, query: Query, *, strays: bool = False) -> bool:
+    """
+    Whether the window is long enough to be laid round corners, and there are any.
+
+    Args:
+        strays: It fits no road well enough for its readings.
+    """
+    short = strays and query.length_m >= SHORT_M and err_apart(index.calibration)
+    return (short or query.length_m >= LEAST_M) and bool(query.cells) and len(index.turns) > 0
 
 
-def every_corner(index: MapIndex, query: Query) -> list[Corner]:
-    """All turns that the window may have taken, wherever it may end after them."""
+def edge_of(query: Query) -> float:
+    """How near to either end of the window a corner may lie, in metres."""
+    return EDGE_M if query.length_m >= LEAST_M else SHORT_EDGE_M
+
+
+def every_corner(index: MapIndex, query: Query, *, strays: bool = False) -> list[Corner]:
+    """All turns that the window may have taken, wherever it may end after them: see `may_turn`."""
     every = []
-    for turn in range(len(index.turns)) if may_turn(index, query) else ():
+    for turn in range(len(index.turns)) if may_turn(index, query, strays=strays) else ():
         first, last = _ends_of(index, query, turn)
         every += [Corner(turn, first, last)] if first <= last else []
     return every
@@ -153,7 +168,8 @@ def _ends_of(index: MapIndex, query: Query, turn: int) -> tuple[int, int]:
     ways = index.turns.ways
     sign, entered_m = int(ways.sign[turn]), float(ways.entered_m[turn])
     room_m = (index.lengths_m[ways.road[turn]] - entered_m) if sign > 0 else entered_m
-    return int(np.ceil(EDGE_M)), int(min(room_m, query.length_m - EDGE_M))
+    edge_m = edge_of(query)
+    return int(np.ceil(edge_m)), int(min(room_m, query.length_m - edge_m))
 
 
 def worth_laying(

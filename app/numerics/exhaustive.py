@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from app.domain import Fix, Window
 from app.numerics.answer import answer
-from app.numerics.corners import every_corner
+from app.numerics.corners import Corner, every_corner
 from app.numerics.index import MapIndex
-from app.numerics.matching import with_hypotheses
+from app.numerics.matching import strays, with_hypotheses
 from app.numerics.query import ask
 from app.numerics.refinement import refine
 from app.numerics.stretches import whole_roads
@@ -28,6 +28,13 @@ def locate_exhaustively(
     """
     query = ask(index, window)
     straight = refine(index, query, whole_roads(index, query))
+
+    def answered(corners: list[Corner]) -> Fix:
+        placed = with_hypotheses(index, query, straight, corners)
+        return answer(index, query, placed.places, confidence, placed.log_prior)
+
     corners = every_corner(index, query) if turns else []
-    placed = with_hypotheses(index, query, straight, corners)
-    return answer(index, query, placed.places, confidence, placed.log_prior)
+    fix = answered(corners)
+    if turns and not corners and strays(fix):
+        fix = answered(every_corner(index, query, strays=True))
+    return fix

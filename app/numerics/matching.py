@@ -20,7 +20,7 @@ from app.numerics import native
 from app.numerics.answer import answer
 from app.numerics.chosen import Chosen, choose, rest_of
 from app.numerics.coarse import COARSE_FLATTENING, Coarse, neighbours, shortlist
-from app.numerics.corners import TURN_SHARE, Corner, places_round_corners
+from app.numerics.corners import TURN_SHARE, Corner, may_turn, places_round_corners
 from app.numerics.index import MapIndex
 from app.numerics.odometer import under_other_factors
 from app.numerics.posterior import (
@@ -37,6 +37,7 @@ from app.numerics.stretches import Stretch, lay
 __all__ = ["COARSE_FLATTENING", "Coarse", "fine_places", "locate", "place", "shortlist"]
 
 TURN_LOG = float(np.log(TURN_SHARE))
+STRAYS = 0.01  # chance of being off the map from which a short window is laid round corners
 JOINED_STEPS = 2.5  # stretches closer than this are aligned in one product
 
 
@@ -54,9 +55,7 @@ def locate(
     Returns:
         The fix; its candidates' posteriors and ``off_map_posterior`` sum to 1.
     """
-    query = ask(index, window, in_c=in_c)
-    placed = place(index, query)
-    return answer(index, query, placed.places, confidence, placed.log_prior)
+    return located(index, ask(index, window, in_c=in_c), confidence)[1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,9 +73,28 @@ class Placed:
     log_prior: Float[np.ndarray, " last"] | None
 
 
-def place(index: MapIndex, query: Query) -> Placed:
-    """Both scales, along roads and round corners."""
-    chosen, corners = choose(index, query)
+def located(index: MapIndex, query: Query, confidence: float) -> tuple[Placed, Fix]:
+    """
+    Where a window may end, and what is answered.
+
+    A short window is laid along roads alone, and round corners as well if it strays from them all.
+    """
+    placed = place(index, query)
+    fix = answer(index, query, placed.places, confidence, placed.log_prior)
+    if strays(fix) and not may_turn(index, query) and may_turn(index, query, strays=True):
+        placed = place(index, query, strays=True)
+        fix = answer(index, query, placed.places, confidence, placed.log_prior)
+    return placed, fix
+
+
+def strays(fix: Fix) -> bool:
+    """Whether a window fits no road well enough for its readings."""
+    return fix.off_map_posterior > STRAYS
+
+
+def place(index: MapIndex, query: Query, *, strays: bool = False) -> Placed:
+    """Both scales, along roads and round corners: see `app.numerics.corners.may_turn`."""
+    chosen, corners = choose(index, query, strays=strays)
     return with_hypotheses(index, query, finest_places(index, query, chosen), corners)
 
 

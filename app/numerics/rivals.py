@@ -41,7 +41,7 @@ def answered_place(index: MapIndex, query: Query, fix: Fix) -> Place:
 def _round_corners(index: MapIndex, query: Query, near: Place, chainage_m: float) -> list[Place]:
     """Of each turn that the window may have taken, the best place beside the answer's."""
     found = []
-    for corner in choose(index, query)[1]:
+    for corner in choose(index, query, strays=True)[1]:
         places = places_round_corners(index, query, [corner])
         beside = np.abs(places.chainage_m - chainage_m) <= PEAK_M
         beside &= (places.road == near.road) & (places.sign == near.sign)

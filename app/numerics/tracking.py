@@ -27,7 +27,7 @@ from app.numerics.answer import answer, fit_of_place
 from app.numerics.belief import Belief, Mode, Prior, condense
 from app.numerics.carried import joined, latest, unheard
 from app.numerics.index import MapIndex
-from app.numerics.matching import COARSE_FLATTENING, Coarse, fine_places, place, shortlist
+from app.numerics.matching import COARSE_FLATTENING, Coarse, fine_places, located, shortlist
 from app.numerics.motion import Branch, Predicted, predict
 from app.numerics.observation import CORRELATION_M
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, err_apart, off_map_probability
@@ -65,8 +65,7 @@ def begin(
 ) -> Tracked:
     """The first window of a track: the fix is `app.numerics.matching.locate`'s, to the last bit."""
     query = ask(index, window, in_c=in_c)
-    placed = place(index, query)
-    fix = answer(index, query, placed.places, confidence, placed.log_prior)
+    placed, fix = located(index, query, confidence)
     belief = _belief(index, query, placed.places, fix.off_map_posterior)
     return Tracked(fix, belief, window if query.samples == len(window.distance_m) else None)
 

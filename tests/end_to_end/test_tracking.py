@@ -14,8 +14,8 @@ from app.commands.client import HttpTarget
 from app.commands.demo import survey_and_build
 from app.commands.target import window_document
 from app.evaluation.scenario import build_city, preset
+from app.evaluation.scenario.tours import Leg, tour_of
 from app.numerics.lines import point_at
-from tests.numerics.drives import Leg, tour_of
 
 pytestmark = pytest.mark.end_to_end
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from app.domain import Direction, Window
 from app.evaluation.scenario import windows
+from app.evaluation.scenario.tours import Leg, Tour, tour_of
 from app.numerics import motion, native, tracking
 from app.numerics.chosen import choose
 from app.numerics.coarse import score_roads, size_of, tapes_of
@@ -24,7 +25,6 @@ from app.numerics.query import ask
 from app.numerics.stretches import along
 from app.numerics.wording import sentences
 from tests.numerics.cities import city_of, index_of
-from tests.numerics.drives import Leg, Tour, tour_of
 
 SIDES = ("road-south", "road-east", "road-north", "road-west")  # end to end round the square
 

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from app.domain import Calibration, Window
+from app.evaluation.scenario.tours import Leg, tour_of
 from app.numerics import matching, native, tracking
 from app.numerics.belief import Belief, Mode
 from app.numerics.calibration import UNTRIED
 from app.numerics.index import MapIndex
 from tests.numerics.cities import city_of, index_of
-from tests.numerics.drives import Leg, follow_tour, tour_of
+from tests.numerics.drives import follow_tour
 
 ROADS = ("road-south", "road-east", "road-north", "road-west")
 

@@ -22,6 +22,7 @@ from app.evaluation.realdata import RealData, load
 from app.evaluation.scenario import City, build_city, city_drives, survey
 from app.numerics.corners import LEAST_M
 from app.numerics.geodesy import LocalFrame, distance_m
+from app.numerics.matching import strays
 
 RECALL_WINDOWS = 100  # of long windows: with every corner the definition takes a second and more
 
@@ -235,14 +236,16 @@ def _may_turn(window_m: float) -> bool:
 
 
 def _definition(models: dict[str, Model], window: Window, last: dict[str, Estimate]) -> Fix | None:
-    """What `roadprint` approximates: `exhaustive`, round corners as well where windows are long."""
+    """What `roadprint` approximates: `exhaustive`, round corners as well where that does so."""
     model = models.get("exhaustive")
     if not isinstance(model, ExhaustiveModel):
         return None
     if _may_turn(float(np.ptp(window.distance_m))):
         return model.with_turns(window)
     whole = last["exhaustive"].memory
-    return whole if isinstance(whole, Fix) else None
+    if not isinstance(whole, Fix):
+        return None
+    return model.with_turns(window) if strays(whole) else whole
 
 
 def _recall(last: dict[str, Estimate], whole: Fix | None) -> float | None:
