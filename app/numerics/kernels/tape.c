@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LANES = 8, ABREAST = BLOCK / LANES, ROW = 8 };
+enum { LANES = 8, ABREAST = BLOCK / LANES, ROW = 8 }; /* blocks at a time */
 typedef float Lanes __attribute__((vector_size(LANES * sizeof(float))));
 typedef float LooseLanes /* the same wherever it lies */
     __attribute__((vector_size(LANES * sizeof(float)), aligned(sizeof(float)), may_alias));
