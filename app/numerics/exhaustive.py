@@ -10,7 +10,7 @@ from app.domain import Fix, Window
 from app.numerics.answer import answer
 from app.numerics.corners import Corner, every_corner
 from app.numerics.index import MapIndex
-from app.numerics.matching import strays, with_hypotheses
+from app.numerics.matching import may_have_turned, with_hypotheses
 from app.numerics.query import ask
 from app.numerics.refinement import refine
 from app.numerics.stretches import whole_roads
@@ -35,6 +35,6 @@ def locate_exhaustively(
 
     corners = every_corner(index, query) if turns else []
     fix = answered(corners)
-    if turns and not corners and strays(fix):
+    if turns and may_have_turned(index, query, fix):
         fix = answered(every_corner(index, query, strays=True))
     return fix

@@ -38,6 +38,7 @@ __all__ = ["COARSE_FLATTENING", "Coarse", "fine_places", "locate", "place", "sho
 
 TURN_LOG = float(np.log(TURN_SHARE))
 STRAYS = 0.01  # chance of being off the map from which a short window is laid round corners
+OFF_M = 5.0  # from a junction: a window that ends there may have turned just before
 JOINED_STEPS = 2.5  # stretches closer than this are aligned in one product
 
 
@@ -77,19 +78,29 @@ def located(index: MapIndex, query: Query, confidence: float) -> tuple[Placed, F
     """
     Where a window may end, and what is answered.
 
-    A short window is laid along roads alone, and round corners as well if it strays from them all.
+    A short window is laid along roads alone, and round corners as well if it may have come so.
     """
     placed = place(index, query)
     fix = answer(index, query, placed.places, confidence, placed.log_prior)
-    if strays(fix) and not may_turn(index, query) and may_turn(index, query, strays=True):
+    if may_have_turned(index, query, fix):
         placed = place(index, query, strays=True)
         fix = answer(index, query, placed.places, confidence, placed.log_prior)
     return placed, fix
 
 
-def strays(fix: Fix) -> bool:
-    """Whether a window fits no road well enough for its readings."""
-    return fix.off_map_posterior > STRAYS
+def may_have_turned(index: MapIndex, query: Query, fix: Fix) -> bool:
+    """
+    Whether a short window must be laid round corners, too, by its answer along roads: it strays
+    from them all, it is longer than the road behind its end, or it ends where a turn goes off.
+    """
+    if may_turn(index, query) or not may_turn(index, query, strays=True):
+        return False
+    if fix.off_map_posterior > STRAYS:
+        return True
+    number, sign = index.road_ids.index(fix.road_id), fix.direction.sign
+    length_m = index.roads[number].length_m
+    behind_m = fix.chainage_m if sign > 0 else length_m - fix.chainage_m
+    return behind_m < query.length_m or index.turns.away_m(number, sign, fix.chainage_m) <= OFF_M
 
 
 def place(index: MapIndex, query: Query, *, strays: bool = False) -> Placed:

@@ -9,7 +9,7 @@ behind the junction, any two of different roads make a way.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -106,15 +106,22 @@ class Turns:
     Attributes:
         from_tape, tape: Numbers of the tapes that hold each turn's roads.
         levels: The turns at each of `COARSE_STEPS_M`.
+        left_m: Where turns leave each road and direction.
     """
 
     ways: Ways
     from_tape: Int[np.ndarray, " turns"]
     tape: Int[np.ndarray, " turns"]
     levels: tuple[TurnLevel, ...]
+    left_m: Mapping[tuple[int, int], frozenset[float]]
 
     def __len__(self) -> int:
         return len(self.ways)
+
+    def away_m(self, road: int, sign: int, chainage_m: float) -> float:
+        """How far a place is from where the nearest turn leaves its road, driven that way."""
+        there_m = self.left_m.get((road, sign), ())
+        return min([abs(at_m - chainage_m) for at_m in there_m], default=np.inf)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,7 +154,13 @@ def find_turns(graph: RoadGraph, grounds: Grounds, tapes: Sequence[Tape]) -> Tur
     levels = tuple(
         _level(ways, from_tape, tape_onto, tapes, size) for size in range(len(COARSE_STEPS_M))
     )
-    return Turns(ways, from_tape, tape_onto, levels)
+    left_m: dict[tuple[int, int], set[float]] = {}
+    for road, sign, at_m in zip(
+        ways.from_road.tolist(), ways.from_sign.tolist(), ways.left_m.tolist(), strict=True
+    ):
+        left_m.setdefault((road, sign), set()).add(at_m)
+    places_m = {way: frozenset(each) for way, each in left_m.items()}
+    return Turns(ways, from_tape, tape_onto, levels, places_m)
 
 
 def _all_ways(graph: RoadGraph) -> Ways:

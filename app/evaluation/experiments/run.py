@@ -22,7 +22,6 @@ from app.evaluation.realdata import RealData, load
 from app.evaluation.scenario import City, build_city, city_drives, survey
 from app.numerics.corners import LEAST_M
 from app.numerics.geodesy import LocalFrame, distance_m
-from app.numerics.matching import strays
 
 RECALL_WINDOWS = 100  # of long windows: with every corner the definition takes a second and more
 
@@ -245,7 +244,7 @@ def _definition(models: dict[str, Model], window: Window, last: dict[str, Estima
     whole = last["exhaustive"].memory
     if not isinstance(whole, Fix):
         return None
-    return model.with_turns(window) if strays(whole) else whole
+    return model.with_turns(window) if model.may_have_turned(window, whole) else whole
 
 
 def _recall(last: dict[str, Estimate], whole: Fix | None) -> float | None:

@@ -11,6 +11,8 @@ from app.domain import Fix, Window
 from app.evaluation.methods.base import Survey
 from app.evaluation.methods.roadmap import MapModel, build_index
 from app.numerics.exhaustive import locate_exhaustively
+from app.numerics.matching import may_have_turned
+from app.numerics.query import ask
 
 name = "exhaustive"
 
@@ -21,6 +23,10 @@ class ExhaustiveModel(MapModel):
     def with_turns(self, window: Window) -> Fix:
         """All that `roadprint` looks for: some seconds where corners are many."""
         return locate_exhaustively(self.index, window, turns=True)
+
+    def may_have_turned(self, window: Window, fix: Fix) -> bool:
+        """Whether that is more than the answer along single roads has, for a short window."""
+        return may_have_turned(self.index, ask(self.index, window), fix)
 
 
 def fit(survey: Survey, seed: int) -> ExhaustiveModel:
