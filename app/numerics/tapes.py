@@ -17,6 +17,7 @@ from jaxtyping import Float, Float32, Int
 from numpy.typing import NDArray
 
 from app.domain import RoadModel
+from app.numerics.blocks import BLOCK, in_blocks
 from app.numerics.carriers import (
     NOTHING_KNOWN,
     carrier_of,
@@ -26,14 +27,11 @@ from app.numerics.carriers import (
 from app.numerics.geodesy import Floats
 from app.numerics.lines import z_order
 from app.numerics.newcomers import Columns, Laid, Newcomers
-from app.numerics.observation import HEARD_FLOOR, HEARING_WEIGHT, TERMS, Profile, profile
+from app.numerics.observation import HEARD_FLOOR, profile
 
 COARSE_STEPS_M = (4.0, 8.0, 16.0)  # each serves windows up to GAP times as long
 GAP = 26  # empty columns between roads on a tape: a window may reach that far off a road's end
-LINE_BYTES = 64  # of a processor's cache
 TAPE_COLUMNS = 1600  # beyond, a tape's matrix product costs more than starting another
-MERGED = 4  # rows of a cell at the coarse scale
-BLOCK = 16  # columns that lie together, the kernels' measure
 NUMBERS = 1 << 32  # more than the columns of any tape
 BOTH = (1, -1)  # directions of travel: towards growing chainage, and against
 
@@ -217,7 +215,7 @@ def _lay_level(
     road[positions] = np.repeat(np.arange(len(sizes)), sizes)
     positions = positions.astype(np.intp)
     along = laid.muted(profile(cells, mean, spread, heard, road < 0, others), road)
-    blocks, at = _in_blocks(along)
+    blocks, at = in_blocks(along)
     chainages_m: list[Floats] = [step_m * np.arange(n, dtype=np.float64) for n in sizes]
     first = _first_of_runs(models, chainages_m)
     return CoarseProfile(
@@ -244,25 +242,6 @@ def _first_of_runs(models: Sequence[RoadModel], chainages_m: Sequence[Floats]) -
         firsts.append(before + np.concatenate(([0], np.flatnonzero(np.diff(segment)) + 1)))
         before += len(chainage_m)
     return np.concatenate(firsts)
-
-
-def _in_blocks(
-    along: Profile,
-) -> tuple[Float32[np.ndarray, "cells blocks 4 16"], Float32[np.ndarray, " columns"]]:
-    terms = along.rows[:-1].reshape(-1, TERMS, along.columns)
-    fixed = np.float32(HEARING_WEIGHT) * terms[:, 3] - np.float32(0.5) * terms[:, 2]
-    merged = np.stack((terms[:, 0], terms[:, 1], fixed, terms[:, 4]), axis=1)
-    blocks = merged.reshape(len(merged), MERGED, -1, BLOCK).swapaxes(1, 2)
-    return _aligned(blocks), along.rows[-1].copy()
-
-
-def _aligned(values: Float32[np.ndarray, "*shape"]) -> Float32[np.ndarray, "*shape"]:
-    """A copy that begins with a line of the cache, so that no block of columns straddles two."""
-    room = np.empty(values.nbytes + LINE_BYTES, dtype=np.uint8)
-    first = -room.ctypes.data % LINE_BYTES
-    found = room[first : first + values.nbytes].view(np.float32).reshape(values.shape)
-    found[...] = values
-    return found
 
 
 def _coarse_road(
