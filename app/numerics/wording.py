@@ -16,6 +16,7 @@ SMALLEST_SHARE = 0.1  # of the difference that is explained: less is not worth a
 STEADY = 0.7  # a mean deviation of so much of its root mean square is one to one side
 CLEAR_ODDS = 1e6  # beyond, the model is surer than anybody should be
 NOISY = 1.5  # times the surveys' variance: less may be expected of any short window
+IN_FULL = 0.995  # what silence counts for: from here on it would be told as all
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ def _device(told: Explanation) -> list[str]:
             f"The device lists more cells than the surveys' did: {told.unlisted} readings of the "
             "weakest are left out."
         )
-    if told.silence < 1.0:
+    if told.silence < IN_FULL:
         said.append(
             "The device lists fewer cells than the surveys' did: that others were not heard counts "
             f"for {told.silence:.0%}."
