@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.domain import Direction, Window
+from app.domain import Direction, Fix, Window
 from app.evaluation.scenario import windows
 from app.evaluation.scenario.tours import Leg, Tour, tour_of
 from app.numerics import motion, native, tracking
@@ -86,12 +86,17 @@ def test_the_fast_answer_is_the_definitions(cells, length_m):
         slow = locate_exhaustively(index, window, turns=True)
         for in_c in {False, native.BUILT}:
             fast = locate(index, window, in_c=in_c)
-            assert fast.road_posterior == pytest.approx(slow.road_posterior, abs=2e-3)
-            assert fast.off_map_posterior == pytest.approx(slow.off_map_posterior, abs=1e-3)
-            if slow.candidates[0].posterior > 0.5:
-                assert (fast.road_id, fast.direction) == (slow.road_id, slow.direction)
-                assert fast.chainage_m == pytest.approx(slow.chainage_m, abs=0.1)
-                assert fast.accuracy_m == pytest.approx(slow.accuracy_m, rel=0.05, abs=0.2)
+            is_that_of(fast, slow)
+
+
+def is_that_of(fast: Fix, slow: Fix) -> None:
+    """The fast answer is the definition's: road, place, probabilities and radius."""
+    assert fast.road_posterior == pytest.approx(slow.road_posterior, abs=2e-3)
+    assert fast.off_map_posterior == pytest.approx(slow.off_map_posterior, abs=1e-3)
+    if slow.candidates[0].posterior > 0.5:
+        assert (fast.road_id, fast.direction) == (slow.road_id, slow.direction)
+        assert fast.chainage_m == pytest.approx(slow.chainage_m, abs=0.1)
+        assert fast.accuracy_m == pytest.approx(slow.accuracy_m, rel=0.05, abs=0.2)
 
 
 def test_windows_that_do_not_turn_are_answered_as_ever():

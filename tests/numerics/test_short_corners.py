@@ -23,7 +23,7 @@ from app.numerics.matching import locate, may_have_turned, place
 from app.numerics.query import ask
 from app.numerics.wording import sentences
 from tests.numerics.cities import city_of, index_of
-from tests.numerics.test_corners import round_corner, window_past
+from tests.numerics.test_corners import is_that_of, round_corner, window_past
 
 
 def short_corners(cells: int, count: int) -> Iterator[tuple[Window, Leg, float]]:
@@ -58,12 +58,7 @@ def test_the_fast_answer_is_the_definitions(cells: int):
         turned += may_have_turned(index, ask(index, window), straight)
         for in_c in {False, native.BUILT}:
             fast = locate(index, window, in_c=in_c)
-            assert fast.road_posterior == pytest.approx(slow.road_posterior, abs=2e-3)
-            assert fast.off_map_posterior == pytest.approx(slow.off_map_posterior, abs=1e-3)
-            if slow.candidates[0].posterior > 0.5:
-                assert (fast.road_id, fast.direction) == (slow.road_id, slow.direction)
-                assert fast.chainage_m == pytest.approx(slow.chainage_m, abs=0.1)
-                assert fast.accuracy_m == pytest.approx(slow.accuracy_m, rel=0.05, abs=0.2)
+            is_that_of(fast, slow)
     assert turned >= 6
 
 
