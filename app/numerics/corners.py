@@ -27,7 +27,7 @@ from app.numerics.turns import TurnLevel
 
 LEAST_M = 90.0  # shorter windows are explained as well by many turns, and mostly hold none
 EDGE_M = 15.0  # nearer to either end of a window a corner tells nothing
-# Of windows that stray from every road, where samples err each for itself: few tell a corner then.
+# Of windows that may have turned, where samples err each for itself: few of them tell a corner.
 SHORT_M = 20.0
 SHORT_EDGE_M = 4.0
 TURN_SHARE = TURN  # of having turned at a given junction, relative to having come straight
@@ -143,7 +143,8 @@ def may_turn(index: MapIndex, query: Query, *, strays: bool = False) -> bool:
     Whether the window is long enough to be laid round corners, and there are any.
 
     Args:
-        strays: It fits no road well enough for its readings.
+        strays: Its answer along roads leaves it open (`app.numerics.matching.may_have_turned`), so
+            that a short one counts, too.
     """
     short = strays and query.length_m >= SHORT_M and err_apart(index.calibration)
     return (short or query.length_m >= LEAST_M) and bool(query.cells) and len(index.turns) > 0
