@@ -196,6 +196,8 @@ def under_factors(
     factors: Floats,
     log_priors: Floats,
     temperature: float,
+    far: int,
+    far_from: float,
     likelihood: Likelihood,
     step_m: Floats,
     lowest: float,
@@ -210,7 +212,7 @@ def under_factors(
     values: Floats,
     log_prior: Floats,
     /,
-) -> int: ...
+) -> tuple[int, float]: ...
 def summary(
     where: Wholes,
     values: Floats,

@@ -40,22 +40,24 @@ def stretches_about(
 def under_factors(
     told: Told,
     stretches: list[Laid],
-    factors: tuple[Floats, Floats, float],
+    factors: tuple[Floats, Floats, float, int, float],
     terms: Likelihood,
     drawn: tuple[Floats, float, int, int, int, int],
     given: tuple[Places, int],
-) -> tuple[Places, Floats]:
+) -> tuple[Places, Floats, float]:
     """
     The rest of `app.numerics.odometer.under_other_factors`, the places before included.
 
     Args:
-        factors: What distances are multiplied by, the logs of its prior, and the temperature.
+        factors: What distances are multiplied by, the logs of its prior, the temperature, how many
+            of the last are looked at on one side alone, a half each, and how far under the best
+            the outermost of the others may be for that.
         drawn: Each road's step, how far under the best a peak may lie, places about a peak, places
             that a row needs, rows at most, and parts that a step is divided into.
         given: The places before, and how many of them lie along single roads.
 
     Returns:
-        All places, and the log priors of the last ones.
+        All places, the log priors of the last ones, and of all factors together.
     """
     step_m, lowest, around, least, most, parts = drawn
     before, straight = given
@@ -64,7 +66,7 @@ def under_factors(
     count = len(before) + room
     where, values = np.empty(2 * count, dtype=np.int64), np.empty(VALUES * count)
     log_prior = np.empty(room)
-    found = _native.under_factors(
+    found, together = _native.under_factors(
         told.block,
         told.samples,
         stretches[0][2],
@@ -89,4 +91,4 @@ def under_factors(
     places = Places(
         where[: 2 * count].reshape(2, count), values[: VALUES * count].reshape(VALUES, count)
     )
-    return places, log_prior[:found]
+    return places, log_prior[:found], together

@@ -7,7 +7,8 @@ Each of a few factors is a hypothesis of its own: about the places that carry ma
 laid again with its distances multiplied, and the places of all factors share the posterior by the
 factors' prior. A place that is not laid again is as likely under each of them as it is at its word.
 Where the place is known no better than the factor could move it there is nothing to tell, and
-nothing is laid again.
+nothing is laid again. Some odometers err by far more than most: factors beyond the usual ones are
+looked at on the side where the outermost of these fits about as well as any.
 """
 
 from __future__ import annotations
@@ -29,12 +30,16 @@ from app.numerics.refinement import AROUND, MIN_ROW, MOST_ROWS, PARTS, refine_ea
 from app.numerics.refinement import LIGHTEST as DRAWN_FROM
 from app.numerics.stretches import Stretch, lay
 
-SCALE_SD = 0.03  # of odometers that err, where nobody said: worn tyres, wrong ones, slip
-EXACT = 0.2  # share of odometers that do not, where nobody said
+# Where nobody said: some odometers are exact, most err by worn tyres or slip, others by far more
+SCALE_SD, FAR_SD = 0.03, 0.07
+ERR, ERR_FAR = 0.35, 0.3  # shares of these; the rest are exact
 FINE_REACH = 1.8  # standard deviations to either side
 FINE_STEPS = 2.0 / SCALE_SD  # to either side, of each unit of a standard deviation
+FARTHER_SDS = (2.7, 3.6)  # of `SCALE_SD`, looked at on one side
+FARTHER_FROM = 2.0  # under the best by the logarithm: where the outermost factor's best place is
 ROUGH_SDS = (-(3.0**0.5), 3.0**0.5)  # Gauss and Hermite's with the middle: exact for wide peaks
 ROUGH_SHARE = 1.0 / 6.0  # of each of these
+ROUGH_ERR = 0.8  # share of odometers that err, as wide peaks see it: far ones for more
 FINE_FROM = 1.0  # of a peak's width that one standard deviation moves the oldest sample by
 ROUGH_FROM = 0.25  # less than this part of it is no news
 WITHIN = 0.5  # a peak is as wide as its places whose score over temperature lies so near the best
@@ -66,6 +71,15 @@ class Factors:
         """Factors and their shares of the prior; the rest of it is that of 1."""
         return cls(value, np.log(share) - np.log1p(-share.sum()))
 
+    def take(self, which: slice) -> Factors:
+        """Some of them."""
+        return Factors(self.value[which], self.log_prior[which])
+
+    def and_then(self, more: Factors) -> Factors:
+        """These, and others after them."""
+        value = np.concatenate((self.value, more.value))
+        return Factors(value, np.concatenate((self.log_prior, more.log_prior)))
+
 
 @dataclass(frozen=True, slots=True)
 class Odometer:
@@ -76,11 +90,14 @@ class Odometer:
         scale_sd: Spread of the factor about 1; 0 = exact.
         rough: Two factors, for peaks about as wide as the factors move them.
         fine: For peaks that are narrower, four, or as many as are no farther apart than these.
+        farther: Beyond the lowest and beyond the highest of these, as many each; none where the
+            window says how far it errs.
     """
 
     scale_sd: float
     rough: Factors
     fine: Factors
+    farther: tuple[Factors, Factors] | None
 
 
 @lru_cache(maxsize=256)
@@ -92,15 +109,34 @@ def odometer_of(distance_error: float | None) -> Odometer:
         distance_error: One standard deviation of the factor, as the window says; None = it does
             not, and the odometer is one of all there are.
     """
-    scale_sd, err = (SCALE_SD, 1.0 - EXACT) if distance_error is None else (distance_error, 1.0)
-    steps = max(math.ceil(scale_sd * FINE_STEPS - 1e-9), 2)
-    fine_sds = np.delete(np.linspace(-FINE_REACH, FINE_REACH, 2 * steps + 1), steps)
-    density = np.exp(-0.5 * fine_sds**2)
-    return Odometer(
-        scale_sd,
-        Factors.of(1.0 + scale_sd * np.array(ROUGH_SDS), np.full(2, err * ROUGH_SHARE)),
-        Factors.of(1.0 + scale_sd * fine_sds, err * density / (1.0 + density.sum())),
-    )
+    if distance_error is None:
+        return _anybodys()
+    steps = max(math.ceil(distance_error * FINE_STEPS - 1e-9), 2)
+    sds = np.delete(np.linspace(-FINE_REACH, FINE_REACH, 2 * steps + 1), steps)
+    fine = Factors.of(1.0 + distance_error * sds, _shares(sds))
+    return Odometer(distance_error, _rough(distance_error, 1.0), fine, None)
+
+
+def _anybodys() -> Odometer:
+    """An odometer of which nobody said anything."""
+    near = np.delete(np.linspace(-FINE_REACH, FINE_REACH, 5), 2)
+    far = np.array(FARTHER_SDS)
+    sds = np.concatenate((near, -far[::-1], far))
+    share = ERR * _shares(sds) + ERR_FAR * _shares(sds * (SCALE_SD / FAR_SD))
+    every = Factors.of(1.0 + SCALE_SD * sds, share)
+    ends = len(near), len(near) + len(far)
+    farther = every.take(slice(*ends)), every.take(slice(ends[1], None))
+    return Odometer(SCALE_SD, _rough(SCALE_SD, ROUGH_ERR), every.take(slice(ends[0])), farther)
+
+
+def _rough(scale_sd: float, err: float) -> Factors:
+    return Factors.of(1.0 + scale_sd * np.array(ROUGH_SDS), np.full(2, err * ROUGH_SHARE))
+
+
+def _shares(sds: Float[np.ndarray, " factors"]) -> Float[np.ndarray, " factors"]:
+    """Of a normal prior, that of each factor, so many standard deviations away; the rest is 1's."""
+    density = np.exp(-0.5 * sds**2)
+    return np.asarray(density / (1.0 + density.sum()))
 
 
 def multiplied(query: Query, factor: float) -> Query:
@@ -161,14 +197,39 @@ def under_other_factors(
     if factors is None or not stretches:
         return None
     queries = [multiplied(query, value) for value in factors.value.tolist()]
-    laid = Places.join([lay(index, one, stretches) for one in queries])
-    laid, count = refine_each(index, queries, laid)
+    parts = [lay(index, one, stretches) for one in queries]
+    best = np.array([float(one.score.max()) for one in parts]) / temperature
+    top = float(before.score.max()) / temperature
+    more = farther_of(odometer_of(query.distance_error), factors, best + factors.log_prior, top)
+    if more is not None:
+        beyond = [multiplied(query, value) for value in more.value.tolist()]
+        parts += [lay(index, one, stretches) for one in beyond]
+        queries, factors = queries + beyond, factors.and_then(more)
+    laid, count = refine_each(index, queries, Places.join(parts))
     log_prior = np.repeat(factors.log_prior, count)
     standing = np.ones(len(before), dtype=bool)
     standing[: len(straight)] = ~_within(index, straight, stretches)
     weighed = raised(before, temperature * factors.together * standing)
     laid = raised(laid, temperature * log_prior)
     return Others(Places.join((weighed, laid)), log_prior, factors.together)
+
+
+def farther_of(
+    odometer: Odometer, factors: Factors, log_best: Float[np.ndarray, " factors"], top: float
+) -> Factors | None:
+    """
+    The factors beyond those that were looked at, on the side where these fit best.
+
+    Args:
+        log_best: Log posterior of the best place under each factor, up to a constant.
+        top: The same of the window taken at its word.
+    """
+    if odometer.farther is None or factors is not odometer.fine:
+        return None
+    low, high = log_best[[0, -1]].tolist()
+    if max(low, high) < max(top, float(log_best.max())) - FARTHER_FROM:
+        return None
+    return odometer.farther[0 if low >= high else 1]
 
 
 def _within(
@@ -206,12 +267,17 @@ def _in_c(
         road = index.roads[one[0]]
         along, cells = road.along, query.numbers(road.column)
         stretches.append((along.rows, along.bend, cells, *one, road.step_m, road.length_m))
-    priors = (factors.value, factors.log_prior, temperature)
+    known, every = odometer_of(query.distance_error), factors
+    if known.farther is not None and factors is known.fine:
+        every = factors.and_then(known.farther[0].and_then(known.farther[1]))
+    far = len(every.value) - len(factors.value)
+    priors = (every.value, every.log_prior, temperature, far, FARTHER_FROM)
     drawn = (atlas.step_m, DRAWN_FROM * temperature, AROUND, MIN_ROW, MOST_ROWS, PARTS)
-    places, log_prior = native_factors.under_factors(
-        told, stretches, priors, query.likelihood(index), drawn, (before, len(straight))
+    return Others(
+        *native_factors.under_factors(
+            told, stretches, priors, query.likelihood(index), drawn, (before, len(straight))
+        )
     )
-    return Others(places, log_prior, factors.together)
 
 
 def peak_width_m(places: Places, temperature: float) -> float:

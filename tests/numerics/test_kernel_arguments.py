@@ -92,7 +92,8 @@ def arguments(seed: int) -> dict[str, list[object]]:
         "stretches_about": [*old, atlas.step_m, atlas.size, 1.0, 8.0, 100.0, 3.0, 400.0],
         "under_factors": [
             *(*over_road, [stretch_of(index, query, 1, 3, 7), stretch_of(index, query, 0, 2, 2)]),
-            *(np.array([0.97, 1.03]), np.array([-2.0, -3.0]), 2.0, terms),
+            *(np.array([0.97, 1.03, 0.9, 1.1]), np.array([-2.0, -3.0, -4.0, -4.0]), 2.0),
+            *(2, 2.0, terms),
             *(atlas.step_m, 7.0, 3, 3, 6, 5, *old, 4),
             np.zeros(2 * (len(places) + 99), dtype=np.int64),
             np.zeros(posterior.VALUES * (len(places) + 99)),

@@ -55,14 +55,14 @@ def errors_m(factor: float, error: float | None = None) -> np.ndarray:
 def test_factors_are_balanced(error):
     """Of either list: 1 is likelier than said, the mean is 1; of two the spread is right, too."""
     known = odometer_of(error)
-    exact, scale_sd = (odometer.EXACT, odometer.SCALE_SD) if error is None else (0.0, error)
+    exact, scale_sd, errs = (0.35, odometer.SCALE_SD, 0.8) if error is None else (0.0, error, 1.0)
     for factors in (known.fine, known.rough):
         middle = 1.0 / (1.0 + np.exp(factors.log_prior).sum())
         share = middle * np.exp(factors.log_prior)
         assert middle > exact
         assert share @ (factors.value - 1.0) == pytest.approx(0.0, abs=1e-12)
     spread = np.sqrt(share @ (known.rough.value - 1.0) ** 2)
-    assert spread == pytest.approx(scale_sd * np.sqrt(1.0 - exact))
+    assert spread == pytest.approx(scale_sd * np.sqrt(errs))
 
 
 @pytest.mark.parametrize("factor", [0.97, 1.03])
@@ -165,13 +165,63 @@ def test_places_that_are_not_laid_again_stand_for_every_factor():
             again[: len(straight)] |= along
         factors = factors_for(query, peak_width_m(straight, temperature))
         assert factors is not None
-        exact = 1.0 / (1.0 + np.exp(factors.log_prior).sum())
+        known = factors
+        if len(set(others.log_prior)) > len(set(factors.log_prior)):  # one side farther, too
+            assert ANY.farther is not None
+            known = factors.and_then(ANY.farther[0])
+        exact = 1.0 / (1.0 + np.exp(known.log_prior).sum())
         assert others.together == pytest.approx(-np.log(exact))
         np.testing.assert_allclose(gained, np.where(again, 0.0, others.together), atol=1e-9)
         np.testing.assert_array_equal(others.places.where[:, : len(before)], before.where)
         assert again[straight.score.argmax()]
         kept += int(again.sum())
     assert kept > 0
+
+
+def test_an_odometer_that_errs_by_far_more_is_looked_for_on_its_side():
+    """
+    Of windows 8 % too far or short, those whose outermost factor fits about as well as any have
+    two more beyond it, in C and in numpy alike; that is most of them, and few that are exact.
+    """
+    index, asked = index_of(), windows(city_of(), 15, length_m=40.0)
+    assert ANY.farther is not None
+    ends = [set(factors.log_prior) for factors in ANY.farther]
+    looked = {}
+    for factor in (0.92, 1.0, 1.08):
+        looked[factor] = 0
+        for window, _ in asked:
+            found = []
+            for in_c in sorted({False, native.BUILT}):
+                query = ask(index, off_by(window, factor), in_c=in_c)
+                straight = straight_of(index, query)
+                found.append(under_other_factors(index, query, straight, straight))
+            first, last = found[0], found[-1]
+            assert first is not None and last is not None
+            np.testing.assert_array_equal(first.log_prior, last.log_prior)
+            np.testing.assert_array_equal(first.places.where, last.places.where)
+            score = [one.places.score for one in (first, last)]
+            np.testing.assert_allclose(*score, rtol=1e-6, atol=1e-4)
+            assert first.together == pytest.approx(last.together, abs=1e-12)
+            looked[factor] += bool(ends[0] & set(first.log_prior))
+    assert looked[0.92] >= 12
+    assert looked[1.08] >= 12
+    assert looked[1.0] <= 3
+
+
+def test_farther_factors_lie_beyond_the_fit_of_the_outermost():
+    """On the side of the better one, from a factor that is within reach of the best place."""
+    best = np.array([-1.0, -9.0, -9.0, -9.0])
+    assert ANY.farther is not None
+    low, high = ANY.farther
+    assert odometer.farther_of(ANY, ANY.fine, best, 0.9) is low
+    assert odometer.farther_of(ANY, ANY.fine, best[::-1], 0.9) is high
+    assert odometer.farther_of(ANY, ANY.fine, best, 1.1) is None
+    assert odometer.farther_of(ANY, ANY.fine, np.array([-3.1, 0.0, -1.0, -2.1]), -5.0) is None
+    assert odometer.farther_of(ANY, ANY.rough, best[:2], -5.0) is None
+    known = odometer_of(0.03)
+    assert odometer.farther_of(known, known.fine, best, -5.0) is None
+    assert np.all(low.value < ANY.fine.value.min())
+    assert np.all(high.value > ANY.fine.value.max())
 
 
 def test_the_true_factor_carries_the_mass():

@@ -115,11 +115,13 @@ typedef struct {
     double within, lightest, widest_m, reach_m, most_m;
 } Heavy;
 
-/* Factors of the travelled distance, each with the log of its share; see app.numerics.odometer. */
+/* Factors of the travelled distance, each with the log of its share; see app.numerics.odometer.
+ * After `count` that are looked at anyhow follow those of one side and then of the other, `farther`
+ * each: these are, if the outermost of the others lies no more than `from` under the best. */
 typedef struct {
-    ptrdiff_t count;
+    ptrdiff_t count, farther;
     const double *value, *log_prior;
-    double temperature;
+    double temperature, from;
 } Hypotheses;
 
 /* What is drawn anew: see app.numerics.refinement. */
@@ -224,7 +226,7 @@ ptrdiff_t stretches_about(const Places *places, const double *step_m, const int6
                           ptrdiff_t roads, const Heavy *heavy, double *width_m, Laid *found);
 ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
                       const Likelihood *likelihood, const Drawing *drawing, const Places *before,
-                      ptrdiff_t straight, Room *room, double *log_prior);
+                      ptrdiff_t straight, Room *room, double *log_prior, double *together);
 
 /* spread.c */
 int list_runs(const Places *places, const double *mass, const Atlas *atlas, const Spread *spread,

@@ -485,7 +485,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 23);
+    return PyModule_AddIntConstant(module, "VERSION", 24);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

@@ -93,13 +93,13 @@ ptrdiff_t stretches_about(const Places *places, const double *step_m, const int6
     return count;
 }
 
-/* Every stretch under every factor; `behind_m` has room for a window's samples. */
+/* Every stretch under each of some factors; `behind_m` has room for a window's samples. */
 static int lay_all(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
-                   const Likelihood *likelihood, double *behind_m, const Room *room)
+                   ptrdiff_t first, const Likelihood *likelihood, double *behind_m,
+                   const Room *room, ptrdiff_t at)
 {
-    ptrdiff_t at = 0;
     int fault = 0;
-    for (ptrdiff_t factor = 0; factor < factors->count; factor++) {
+    for (ptrdiff_t factor = first; factor < factors->count; factor++) {
         for (ptrdiff_t i = 0; i < stretches->told.samples; i++)
             behind_m[i] = stretches->told.behind_m[i] * factors->value[factor];
         for (const Laid *one = stretches; fault == 0 && one < stretches + count; one++) {
@@ -198,20 +198,60 @@ static int within(const Laid *stretches, ptrdiff_t count, const Spot *spot)
     return 0;
 }
 
-/* Places that were not laid again, the first in the room, stand for every factor. */
-static void stand_for_all(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
-                          const Places *before, ptrdiff_t straight, const Room *room)
+/* Places that were not laid again, the first in the room, stand for every factor: the log of what
+ * these are together. */
+static double stand_for_all(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
+                            const Places *before, ptrdiff_t straight, const Room *room)
 {
-    double together = 1.0, *score = room->values + SCORE * room->count;
+    double together = 0.0, *score = room->values + SCORE * room->count;
     for (ptrdiff_t factor = 0; factor < factors->count; factor++)
         together += exp(factors->log_prior[factor]);
-    together = factors->temperature * log(together);
+    together = log1p(together);
     const double *at_m = before->values + CHAINAGE * before->count;
     for (ptrdiff_t i = 0; i < before->count; i++) {
         Spot spot = {before->road[i], before->sign[i], at_m[i]};
         if (i >= straight || !within(stretches, count, &spot))
-            score[i] += together;
+            score[i] += factors->temperature * together;
     }
+    return together;
+}
+
+static double highest(const double *score, ptrdiff_t count)
+{
+    double top = -INFINITY;
+    for (ptrdiff_t i = 0; i < count; i++)
+        top = score[i] > top ? score[i] : top;
+    return top;
+}
+
+/* Which side's farther factors are worth a look, 0 or 1; -1 = none. Twin of `farther_of`. */
+static int side_of(const Hypotheses *factors, const double *score, ptrdiff_t size, double top)
+{
+    double first = 0.0, last = 0.0;
+    for (ptrdiff_t factor = 0; factor < factors->count; factor++) {
+        last = highest(score + factor * size, size) / factors->temperature;
+        last += factors->log_prior[factor];
+        first = factor == 0 ? last : first;
+        top = last > top ? last : top;
+    }
+    if (factors->farther == 0 || (first > last ? first : last) < top - factors->from)
+        return -1;
+    return first >= last ? 0 : 1;
+}
+
+/* The factors that were looked at anyhow, and those of one side after them. */
+static void move_beside(Hypotheses *factors, int side, double *copy)
+{
+    ptrdiff_t near = factors->count, more = side < 0 ? 0 : factors->farther;
+    double *value = copy, *log_prior = copy + near + factors->farther;
+    for (ptrdiff_t i = 0; i < near + more; i++) {
+        ptrdiff_t from = i < near ? i : i + side * more;
+        value[i] = factors->value[from];
+        log_prior[i] = factors->log_prior[from];
+    }
+    factors->value = value;
+    factors->log_prior = log_prior;
+    factors->count = near + more;
 }
 
 /*
@@ -220,40 +260,56 @@ static void stand_for_all(const Laid *stretches, ptrdiff_t count, const Hypothes
  * first lie along single roads. The room is on the way in as large as it may become, and then as
  * large as it has become.
  */
-ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
+ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *given,
                       const Likelihood *likelihood, const Drawing *drawing, const Places *before,
-                      ptrdiff_t straight, Room *room, double *log_prior)
+                      ptrdiff_t straight, Room *room, double *log_prior, double *together)
 {
     ptrdiff_t size = 0, samples = stretches->told.samples, parts = drawing->parts, found = 0;
     for (ptrdiff_t i = 0; i < count; i++)
         size += stretches[i].last - stretches[i].first + 1;
-    ptrdiff_t total = size * factors->count, most = room->count;
-    double *memory = malloc(sizeof *memory * (size_t)(samples + VALUES * total) +
-                            sizeof(int64_t) * (size_t)(2 * total) +
+    ptrdiff_t kinds = given->count + given->farther, most = room->count;
+    Room near = {size * given->count, NULL, NULL}, all = {size * kinds, NULL, NULL};
+    size_t places = (size_t)(near.count + all.count);
+    double *memory = malloc(sizeof *memory * ((size_t)(samples + 2 * kinds) + VALUES * places) +
+                            sizeof(int64_t) * 2 * places +
                             sizeof(Row) * (size_t)(drawing->most + 1));
     if (memory == NULL)
         return OUT_OF_MEMORY;
-    Room rough = {total, (int64_t *)(memory + samples + VALUES * total), memory + samples};
-    Row *rows = (Row *)(rough.where + 2 * total);
-    Places laid = {total, rough.where, rough.where + total, rough.values};
-    ptrdiff_t fault = lay_all(stretches, count, factors, likelihood, memory, &rough);
+    near.values = memory + samples + 2 * kinds;
+    all.values = near.values + VALUES * near.count;
+    near.where = (int64_t *)(all.values + VALUES * all.count);
+    all.where = near.where + 2 * near.count;
+    Row *rows = (Row *)(all.where + 2 * all.count);
+    Hypotheses factors = *given;
+    Places laid = {near.count, near.where, near.where + near.count, near.values};
+    ptrdiff_t fault = lay_all(stretches, count, &factors, 0, likelihood, memory, &near, 0);
+    double top = highest(before->values + SCORE * before->count, before->count);
+    int side = fault < 0 ? -1 : side_of(given, near.values + SCORE * near.count, size,
+                                        top / given->temperature);
+    move_beside(&factors, side, memory + samples);
+    if (side >= 0) {
+        copy_places(&laid, 0, laid.count, &all, 0);
+        fault = lay_all(stretches, count, &factors, given->count, likelihood, memory, &all,
+                        near.count);
+        laid = (Places){all.count, all.where, all.where + all.count, all.values};
+    }
     if (fault == 0)
         fault = found = find_rows(&laid, drawing->step_m, drawing->roads, drawing->lowest,
                                   drawing->around, drawing->least, drawing->most, rows);
-    room->count = before->count + total;
+    room->count = before->count + laid.count;
     for (ptrdiff_t i = 0; i < found; i++)
         room->count += (parts - 1) * (rows[i].end - rows[i].first - 1);
     if (fault >= 0 && room->count > most)
         fault = OUT_OF_BOUNDS;
     if (fault >= 0) {
         copy_places(before, 0, before->count, room, 0);
-        fault = draw_all(stretches, size, &laid, rows, found, factors, likelihood->like_db2, parts,
-                         memory, room, before->count);
+        fault = draw_all(stretches, size, &laid, rows, found, &factors, likelihood->like_db2,
+                         parts, memory, room, before->count);
     }
     if (fault >= 0)
-        stand_for_all(stretches, count, factors, before, straight, room);
+        *together = stand_for_all(stretches, count, &factors, before, straight, room);
     if (fault >= 0)
-        weigh(factors, size, rows, found, parts, room, before->count, log_prior);
+        weigh(&factors, size, rows, found, parts, room, before->count, log_prior);
     free(memory);
     return fault < 0 ? fault : room->count - before->count;
 }

@@ -116,7 +116,7 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 21))
+    if (!begin(&call, arguments, given, 23))
         return NULL;
     Told window = told(&call);
     Py_ssize_t count, factors[1] = {-1}, where_size[1] = {-1}, size[1] = {-1}, priors[1] = {-1};
@@ -124,9 +124,12 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
     Hypotheses hypotheses = {0};
     hypotheses.value = array(&call, 'd', READ, 1, factors);
     hypotheses.log_prior = array(&call, 'd', READ, 1, factors);
-    hypotheses.count = factors[0];
     hypotheses.temperature = number(&call);
-    demand(&call, hypotheses.count >= 1, "no factor");
+    Py_ssize_t far = whole(&call);
+    hypotheses.from = number(&call);
+    demand(&call, 0 <= far && far % 2 == 0 && far < factors[0], "not so many factors");
+    hypotheses.farther = far / 2;
+    hypotheses.count = factors[0] - far;
     Likelihood terms = likelihood(&call);
     Drawing drawn = drawing(&call);
     Places before = places(&call);
@@ -144,12 +147,13 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
     most = call.failed || most - before.count < priors[0] ? most : before.count + priors[0];
     Room room = {most, where, values};
     ptrdiff_t found = 0;
+    double together = 0.0;
     if (!call.failed)
         check(&call, found = lay_factors(stretches, count, &hypotheses, &terms, &drawn, &before,
-                                         straight, &room, log_prior));
+                                         straight, &room, log_prior, &together));
     while (taken > 0)
         release(&held[--taken].call, NULL);
     free(held);
     free(stretches);
-    return release(&call, call.failed ? NULL : PyLong_FromSsize_t(found));
+    return release(&call, call.failed ? NULL : Py_BuildValue("nd", found, together));
 }
