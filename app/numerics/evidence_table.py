@@ -1,8 +1,9 @@
 """
 Held-out windows as one float32 table, which is how a road model carries them.
 
-Rows of one window follow each other: one that tells its truth, then one a reading. Columns: number
-of the window, what the row is, and four values; three in older models, whose truths had no doubt.
+Rows of one window follow each other: one that tells its truth, then one a reading. Before them all
+one says what the readings have in common that windows may be drawn from. Columns: number of the
+window, what the row is, and four values; three in older models, whose truths had no doubt.
 """
 
 from __future__ import annotations
@@ -13,8 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
+from app.numerics.independence import NOT_SEEN, Shared
+
 COLUMNS = 6
-TRUTH, READING = range(2)  # chainage, sign, fold, doubt | distance, cell, dBm, 0
+# chainage, sign, fold, doubt | distance, cell, dBm, 0 | `app.numerics.independence.Shared`, 0, 0
+TRUTH, READING, SHARED = range(3)
 NO_CELL = -1.0  # of a sample that heard nothing, which is evidence too
 DRAWN = -2  # fold of windows that nobody drove
 DRAWN_BLINDLY = -1  # of those drawn, in older models, whatever the road's readings are like
@@ -51,9 +55,16 @@ class HeldOut:
         return self.fold != DRAWN
 
 
-def pack(windows: Sequence[HeldOut]) -> Float32[np.ndarray, "rows columns"]:
-    """The table of these windows."""
-    parts = [np.zeros((0, COLUMNS))]
+def pack(
+    windows: Sequence[HeldOut], shared: Shared | None = None
+) -> Float32[np.ndarray, "rows columns"]:
+    """
+    The table of these windows.
+
+    Args:
+        shared: Of the only pass of a road; None = the windows were driven.
+    """
+    parts = [np.zeros((0, COLUMNS)) if shared is None else np.array([[0.0, SHARED, *shared, 0, 0]])]
     for number, one in enumerate(windows):
         sample, column = np.nonzero(~np.isnan(one.rsrp_dbm))
         silent = np.flatnonzero(np.isnan(one.rsrp_dbm).all(axis=1))
@@ -70,11 +81,19 @@ def pack(windows: Sequence[HeldOut]) -> Float32[np.ndarray, "rows columns"]:
 
 def unpack(table: Float[np.ndarray, "rows columns"]) -> list[HeldOut]:
     """The windows of a model's table that tell something; none where it is of another layout."""
+    table = table[table[:, 1] != SHARED] if table.shape[1] == COLUMNS else table
     if table.shape[1] not in (COLUMNS - 1, COLUMNS) or not len(table):
         return []
     starts = np.flatnonzero(table[:, 1] == TRUTH)
     every = [_window(block.astype(np.float64)) for block in np.split(table, starts[1:])]
     return [one for one in every if one.fold != DRAWN_BLINDLY]
+
+
+def shared_of(table: Float[np.ndarray, "rows columns"]) -> Shared | None:
+    """What the readings have in common that windows may be drawn from; None = there are none."""
+    if table.shape[1] == COLUMNS and len(table) and table[0, 1] == SHARED:
+        return Shared(*table[0, 2:4].tolist())
+    return NOT_SEEN if any(not one.measured for one in unpack(table)) else None
 
 
 def _window(block: Float[np.ndarray, "rows columns"]) -> HeldOut:

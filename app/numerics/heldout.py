@@ -3,9 +3,9 @@ Evidence for calibration: windows of a road's passes, and curves that have not s
 
 Passes are held out by day, and one by one where all are of one day. A road with one pass has
 windows drawn from its own curves and spread instead, which say nothing of devices and days and are
-marked so; none where its readings do not err independently, as these do. How such a window fits its
-own road and the rest of the map is asked when a version is calibrated (`app.numerics.unseen`), as
-that depends on the other roads.
+marked so; none where its readings do not err independently, as these do, for all that one road can
+tell. How such a window fits its own road and the rest of the map, and what all roads say of their
+readings, is asked when a version is calibrated (`app.numerics.unseen`).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Float16, Float32, Int
 
 from app.numerics.evidence_table import DRAWN, HeldOut, pack
+from app.numerics.independence import WINDOWS_SDS, Shared
 from app.numerics.passes import RoadPass
 
 WINDOW_LENGTHS_M = (0.0, 30.0, 60.0, 120.0, 200.0, 400.0)  # from one sample to the longest
@@ -72,7 +73,7 @@ def held_out_evidence(
     refit: Callable[[Sequence[RoadPass]], Surface],
     step_m: float,
     *,
-    may_draw: bool,
+    shared: Shared,
 ) -> Evidence:
     """
     Windows of the road's passes, and the curves that have not seen them.
@@ -83,8 +84,8 @@ def held_out_evidence(
         surface: Fitted to all of them.
         refit: Fits a surface to some of them, registered among themselves alone.
         step_m: Of the grid.
-        may_draw: Whether windows drawn reading by reading are like those that are driven, see
-            `app.numerics.independence`.
+        shared: By the cells of a sample: whether windows drawn reading by reading may be like those
+            that are driven.
     """
     grid = len(surface.mean_dbm)
     most = max(WINDOWS_PER_ROAD, int((grid - 1) * step_m / WINDOW_EACH_M))
@@ -93,21 +94,23 @@ def held_out_evidence(
     folds = _folds(passes)
     found: list[HeldOut] = []
     unseen: list[Float16[np.ndarray, "3 nodes cells"]] = []
-    if len(folds) > 1:
+    driven = len(folds) > 1
+    if driven:
         for fold, held in enumerate(folds):
             others = [one for one in passes if one not in held]
             unseen.append(_at(nodes, refit(others)))
             for one, first, last in _cut(held, max(most // len(folds), 6)):
                 if _covered(one.chainage_m[[first, last]], others):
                     found += _held_out(one, first, last, fold)
-    elif may_draw:
+    elif shared.may_be_chance(WINDOWS_SDS):
         drawn = [_redrawn(one, surface, step_m, seed) for seed, one in enumerate(passes)]
         rng = np.random.default_rng(len(passes))  # a seed that none of the passes was drawn with
         for one, first, last in _cut(drawn, most):
             missed_m = one.doubt_m * float(rng.standard_normal())
             found += _held_out(one, first, last, DRAWN, missed_m)
     empty = np.zeros((0, 3, len(nodes), len(cells)), dtype=np.float16)
-    return Evidence(pack(found), np.stack(unseen) if unseen else empty)
+    windows = pack(found, None if driven else shared)
+    return Evidence(windows, np.stack(unseen) if unseen else empty)
 
 
 def _at(nodes: Int[np.ndarray, " nodes"], surface: Surface) -> Float16[np.ndarray, "3 nodes cells"]:

@@ -16,7 +16,7 @@ from app.numerics.curves import FittedCurves
 from app.numerics.features import feature_matrix
 from app.numerics.fitting import Fitting
 from app.numerics.heldout import Surface, held_out_evidence
-from app.numerics.independence import errs_apart
+from app.numerics.independence import CHANCES_SDS, Shared, shared_about
 from app.numerics.lines import length_m
 from app.numerics.passes import RoadPass, all_cells, distinct, lay_on_road
 from app.numerics.salience import select_salient
@@ -129,15 +129,20 @@ class _Fitted:
     The passes without lag and level, and what was fitted to them.
 
     Attributes:
-        apart: Whether their readings err independently about the curves.
+        shared: What the cells of a sample have in common about the curves.
         likeliest: Strength of the penalty by restricted likelihood.
     """
 
     passes: list[RoadPass]
     curves: FittedCurves
     surface: Surface
-    apart: bool
+    shared: Shared
     likeliest: float
+
+    @property
+    def apart(self) -> bool:
+        """Whether readings are taken to err independently about the curves."""
+        return self.shared.may_be_chance(CHANCES_SDS)
 
 
 def _fit(driven: list[RoadPass], work: Fitting) -> _Fitted:
@@ -145,11 +150,12 @@ def _fit(driven: list[RoadPass], work: Fitting) -> _Fitted:
     passes = work.registration(driven, curves.strength).correct(driven)
     if any(now is not before for now, before in zip(passes, driven, strict=True)):
         curves = work.curves(passes)
-    apart, likeliest = errs_apart(passes, curves, work.step_m), curves.strength
+    shared, likeliest = shared_about(passes, curves, work.step_m), curves.strength
+    apart = shared.may_be_chance(CHANCES_SDS)
     strength = work.strength(passes, likeliest, apart=apart)
     if strength != likeliest:
         curves = work.curves(passes, strength)
-    return _Fitted(passes, curves, work.surface(passes, curves, apart=apart), apart, likeliest)
+    return _Fitted(passes, curves, work.surface(passes, curves, apart=apart), shared, likeliest)
 
 
 def _reference(cells: tuple[str, ...], traces: Sequence[Trace], surface: Surface) -> int:
@@ -183,7 +189,7 @@ def _assemble(
         return work.surface(passes, work.curves(passes, strength), apart=fit.apart)
 
     held_out = held_out_evidence(
-        laid.passes, laid.cells, surface, refit, work.step_m, may_draw=fit.apart
+        laid.passes, laid.cells, surface, refit, work.step_m, shared=fit.shared
     )
     return RoadModel(
         road_id=road.road_id,

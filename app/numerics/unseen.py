@@ -14,8 +14,9 @@ import numpy as np
 
 from app.domain import RoadModel
 from app.numerics.alignment import align
-from app.numerics.evidence_table import HeldOut, unpack
+from app.numerics.evidence_table import HeldOut, shared_of, unpack
 from app.numerics.heldout import nodes_of
+from app.numerics.independence import WINDOWS_SDS, pooled
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.observation import Evidence, Profile
 from app.numerics.posterior import SCORE, Places
@@ -52,17 +53,16 @@ def held_out_windows(models: Sequence[RoadModel]) -> list[tuple[int, HeldOut]]:
     """
     Number of the road and window, at most `MOST_WINDOWS`, evenly from all roads.
 
-    Drawn windows count while most roads with one pass have some: where most do not, readings of
-    this map do not err as drawn ones do, and the few roads that seemed to are chance.
+    Drawn windows count where the readings of all roads with one pass may err as drawn ones do: the
+    few roads of another map that seem to are chance.
     """
-    tables = [unpack(model.evidence) for model in models]
-    silent = sum(not table for table in tables)
-    drawn = sum(any(not one.measured for one in table) for table in tables)
+    told = [shared_of(model.evidence) for model in models]
+    drawn = pooled([one for one in told if one is not None]).may_be_chance(WINDOWS_SDS)
     every = [
         (number, one)
-        for number, table in enumerate(tables)
-        for one in table
-        if one.measured or drawn > silent
+        for number, model in enumerate(models)
+        for one in unpack(model.evidence)
+        if one.measured or drawn
     ]
     step = max(1.0, len(every) / MOST_WINDOWS)
     return [every[int(i * step)] for i in range(min(len(every), MOST_WINDOWS))]

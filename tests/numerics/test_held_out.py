@@ -9,13 +9,22 @@ import numpy as np
 import pytest
 
 from app.domain import Trace
-from app.evaluation.scenario import survey
+from app.evaluation.scenario import build_city, preset, survey
 from app.numerics import fitting
 from app.numerics.calibration import UNTRIED, calibrate
 from app.numerics.curves import fit_curves
-from app.numerics.evidence_table import DRAWN, DRAWN_BLINDLY, pack, unpack
+from app.numerics.evidence_table import DRAWN, DRAWN_BLINDLY, pack, shared_of, unpack
 from app.numerics.heldout import Surface, held_out_evidence
-from app.numerics.independence import FEWEST_PAIRS, errs_apart, shared_part
+from app.numerics.independence import (
+    ALONE,
+    CHANCES_SDS,
+    FEWEST_PAIRS,
+    NOT_SEEN,
+    Shared,
+    pooled,
+    shared_about,
+    shared_part,
+)
 from app.numerics.passes import RoadPass
 from app.numerics.roadfit import fit_road
 from app.numerics.unseen import held_out_windows
@@ -50,9 +59,9 @@ def test_the_shared_part_is_found(shared):
     residual = np.sqrt(shared) * common + np.sqrt(1.0 - shared) * own
     residual[rng.random(residual.shape) < 0.2] = np.nan
     found = shared_part(residual)
-    assert found is not None
     assert found.part == pytest.approx(shared, abs=0.03)
-    assert found.sd < 0.02
+    assert found.pairs > 50.0**2
+    assert found.may_be_chance(1.0) == (shared == 0.0)
 
 
 def test_too_few_pairs_tell_nothing():
@@ -60,9 +69,27 @@ def test_too_few_pairs_tell_nothing():
     rng = np.random.default_rng(3)
     serving = np.full((500, 4), np.nan)
     serving[np.arange(500), rng.integers(0, 4, 500)] = rng.normal(size=500)
-    assert shared_part(serving) is None
-    assert shared_part(rng.normal(size=(int(FEWEST_PAIRS) - 1, 2))) is None
-    assert shared_part(rng.normal(size=(int(FEWEST_PAIRS), 2))) is not None
+    assert shared_part(serving) == Shared(0.0, 0.0)
+    assert shared_part(np.full((3, 2), np.nan)) == Shared(0.0, 0.0)
+    assert not shared_part(serving).may_be_chance(9.0)
+    assert not shared_part(rng.normal(size=(int(FEWEST_PAIRS) - 1, 2))).may_be_chance(9.0)
+    assert shared_part(rng.normal(size=(int(FEWEST_PAIRS), 2))).may_be_chance(9.0)
+
+
+def test_roads_tell_together_what_none_of_them_can():
+    """Their products are summed as if all samples were of one road; single cells say nothing."""
+    rng = np.random.default_rng(5)
+    common, own = rng.normal(size=(480, 1)), rng.normal(size=(480, 2))
+    for shared, apart in ((0.0, True), (0.4, False)):
+        residual = np.sqrt(shared) * common + np.sqrt(1.0 - shared) * own
+        roads = [shared_part(residual[first : first + 60]) for first in range(0, 480, 60)]
+        together = pooled([*roads, ALONE])
+        assert together.pairs == 480.0
+        assert together.part == pytest.approx(shared_part(residual).part, abs=0.02)
+        assert together.may_be_chance(2.0) == apart
+        assert {one.may_be_chance(2.0) for one in roads} == ({True} if apart else {True, False})
+    assert pooled([ALONE, ALONE]).may_be_chance(0.0)
+    assert not pooled([]).may_be_chance(2.0)
 
 
 def test_one_pass_draws_windows_only_where_readings_err_apart():
@@ -93,7 +120,7 @@ def test_levels_that_never_move_err_apart():
     flat = np.full((201, 2), -90.0)
     still = RoadPass(np.arange(201.0), flat, np.ones_like(flat), "day")
     curves = fit_curves(still.chainage_m, flat, np.arange(201.0), 1.0)
-    assert errs_apart([still], curves, 1.0)
+    assert shared_about([still], curves, 1.0).may_be_chance(CHANCES_SDS)
 
 
 def test_one_pass_is_held_back_and_many_may_follow_the_field():
@@ -135,16 +162,55 @@ def test_passes_of_one_day_are_held_out_one_by_one():
     assert len(fit_road(truth.road, [*same[:2], first[2]]).unseen) == 2
 
 
+def of(model, windows, shared):
+    """The model with that evidence."""
+    return replace(model, evidence=pack(windows, shared))
+
+
 def test_what_few_roads_drew_by_chance_has_no_say():
-    """Drawn windows count while most roads with one pass have some; driven ones always."""
+    """Drawn windows count while all roads' readings may err independently; driven ones always."""
     models = list(models_of())
-    silent = [replace(model, evidence=pack([])) for model in models]
-    count = len(unpack(models[0].evidence))
-    assert len(held_out_windows([*models[:3], silent[3]])) > 2 * count
-    assert held_out_windows([models[0], *silent[1:]]) == []
-    driven = [replace(one, fold=0) for one in unpack(models[0].evidence)]
-    told = replace(models[0], evidence=pack(driven))
-    assert len(held_out_windows([told, models[1], *silent[2:]])) == count
+    windows = unpack(models[0].evidence)
+    apart, as_one = Shared(0.0, 50.0), Shared(0.25, 500.0)
+    every = [of(models[0], windows, apart), *(of(one, [], as_one) for one in models[1:])]
+    assert held_out_windows(every) == []
+    driven = [replace(one, fold=0) for one in windows]
+    assert len(held_out_windows([of(models[3], driven, None), *every])) == len(windows)
+    one_of_chance = [of(one, windows, Shared(0.02, 200.0)) for one in models[:3]]
+    one_of_chance.append(of(models[3], [], Shared(0.5, 50.0)))
+    assert len(held_out_windows(one_of_chance)) == 3 * len(windows)
+
+
+def test_what_the_readings_share_is_kept_with_the_windows():
+    """Of a road with one pass, whether it drew windows or not; of older ones, that it drew some."""
+    told = shared_of(models_of()[0].evidence)
+    assert told is not None
+    assert told.pairs > 1000
+    assert told.may_be_chance(2.0)
+    as_one = fit_road(city_of().roads[0].road, [jolted(passes_of()[0][0], 5)])
+    told = shared_of(as_one.evidence)
+    assert told is not None
+    assert not told.may_be_chance(2.0)
+    windows = unpack(models_of()[0].evidence)
+    assert shared_of(pack(windows)) == NOT_SEEN
+    assert shared_of(pack([replace(one, fold=1) for one in windows])) is None
+    assert shared_of(pack([])) is None
+    assert shared_of(pack([], ALONE)) == ALONE
+    assert unpack(pack([], ALONE)) == []
+
+
+def test_a_city_of_few_cells_knows_that_its_readings_err_independently():
+    """One pass and two cells a road: two roads seem not to, by chance; the map is not misled."""
+    scenario = replace(preset("harsh"), cells=2, survey_passes=1)
+    city = build_city(scenario, 643)
+    every = survey(city)
+    models = [
+        fit_road(truth.road, [one for one in every if one.road_id == truth.road_id])
+        for truth in city.roads
+    ]
+    told = [shared_of(model.evidence) for model in models]
+    assert sum(one is not None and not one.may_be_chance(CHANCES_SDS) for one in told) == 2
+    assert calibrate(models).window_count > 100
 
 
 def test_windows_drawn_by_older_code_tell_nothing():
@@ -162,5 +228,5 @@ def test_a_long_road_holds_out_a_window_each_25_m(length_m, wanted, groups):
     heard = np.ones_like(level_dbm)
     passes = [RoadPass(chainage_m, level_dbm, heard, group) for group in groups]
     surface = Surface(*(np.full((length_m + 1, 1), value) for value in (-90.0, 2.0, 0.9)))
-    found = held_out_evidence(passes, ("a",), surface, lambda _: surface, 1.0, may_draw=True)
+    found = held_out_evidence(passes, ("a",), surface, lambda _: surface, 1.0, shared=ALONE)
     assert len(unpack(found.windows)) == pytest.approx(wanted, rel=0.05)

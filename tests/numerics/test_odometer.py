@@ -196,7 +196,8 @@ def test_an_odometer_that_errs_by_far_more_is_looked_for_on_its_side():
                 straight = straight_of(index, query)
                 found.append(under_other_factors(index, query, straight, straight))
             first, last = found[0], found[-1]
-            assert first is not None and last is not None
+            assert first is not None
+            assert last is not None
             np.testing.assert_array_equal(first.log_prior, last.log_prior)
             np.testing.assert_array_equal(first.places.where, last.places.where)
             score = [one.places.score for one in (first, last)]

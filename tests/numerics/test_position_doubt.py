@@ -70,11 +70,11 @@ def test_passes_that_err_each_for_itself_make_a_better_map():
 
 @pytest.mark.parametrize("passes", [1, 3])
 def test_radii_hold_where_fixes_scattered(passes):
-    """Of 200 windows with true positions."""
+    """Of 400 windows with true positions."""
     city, models = scattered(passes)
     index = MapIndex.build(RadioMap(1, models, calibrate(models)))
     held = []
-    for window, truth in windows(city, 200, length_m=30.0):
+    for window, truth in windows(city, 400, length_m=30.0):
         fix = locate(index, window)
         held.append(error_m(fix, truth) <= fix.accuracy_m)
     assert 0.6 < np.mean(held) < 0.85
