@@ -62,6 +62,7 @@ def this_road(
     share: float,
     sign: int,
     step_m: float,
+    factor: float,
     drift_db2: float,
     drift_m: float,
     much_drift_db2: float,
@@ -211,6 +212,7 @@ def under_factors(
     where: Wholes,
     values: Floats,
     log_prior: Floats,
+    factor: Floats,
     /,
 ) -> tuple[int, float]: ...
 def summary(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-from jaxtyping import Float
-
 from app.domain import Candidate, Direction, Fix
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.offmap import (
@@ -16,7 +13,7 @@ from app.numerics.offmap import (
     off_map_probability,
 )
 from app.numerics.offsets import offset_db
-from app.numerics.posterior import APART, RESIDUAL, SCORE, Places
+from app.numerics.posterior import APART, RESIDUAL, SCORE, Known, Places
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
 from app.numerics.tapes import BOTH
@@ -30,7 +27,7 @@ def answer(
     query: Query,
     places: Places,
     confidence: float,
-    log_prior: Float[np.ndarray, " last"] | None = None,
+    known: Known | None = None,
 ) -> Fix:
     """
     Tell the posterior over places as a fix.
@@ -39,16 +36,13 @@ def answer(
     peak on that road, in one direction; the sub-segment is the one that holds it.
 
     Args:
-        log_prior: Of the last places, against any metre of the map, that is in their scores times
-            the temperature; None = all are alike.
+        known: Of the last places; None = all are alike.
     """
     temperature, best = query.temperature(index.calibration), int(places.score.argmax())
-    before = len(places) - (0 if log_prior is None else len(log_prior))
-    known = 0.0 if log_prior is None or best < before else float(log_prior[best - before])
-    fit = fit_of_place(index, query, places, best, temperature * known)
+    fit = fit_of_place(index, query, places, best, known)
     off_map = off_map_probability(index.calibration, fit, query.information(index.calibration))
     if fit is not None and fit.noise > 1.0:
-        places = _of_noise(places, fit.noise, temperature, log_prior)
+        places = _of_noise(places, fit.noise, temperature, known)
         temperature *= fit.noise
     told = summarise(index, places, temperature, confidence, in_c=query.told is not None)
     road, sign = index.roads[told.road], int(places.sign[told.peak])
@@ -82,17 +76,15 @@ def answer(
     )
 
 
-def _of_noise(
-    places: Places, times: float, temperature: float, log_prior: Float[np.ndarray, " last"] | None
-) -> Places:
+def _of_noise(places: Places, times: float, temperature: float, known: Known | None) -> Places:
     """
     Places whose scores are to be divided by more, as noisier readings say less; what is known of
     the last places beforehand is no less known for it.
     """
-    if log_prior is None or not len(log_prior):
+    if known is None or not len(known.log_prior):
         return places
     values = places.values.copy()
-    values[SCORE, -len(log_prior) :] += log_prior * (temperature * (times - 1.0))
+    values[SCORE, -len(known.log_prior) :] += known.log_prior * (temperature * (times - 1.0))
     return Places(places.where, values)
 
 
@@ -101,20 +93,25 @@ def fit_of_place(
     query: Query,
     places: Places,
     place: int,
-    raised_by: float = 0.0,
+    known: Known | None = None,
     own: RoadIndex | None = None,
 ) -> Fit | None:
     """
     How well the window fits at a place; None when the map knows none of its cells.
 
     Args:
-        raised_by: Part of the place's score that no reading said.
+        known: Of the last places.
         own: A road to be taken for the one of its number in the map.
     """
     if not query.cells:
         return None
     score, *offsets = places.values[SCORE:, place].tolist()
     prior, calibration, elsewhere = query.prior(index), index.calibration, 0.0
+    last = -1 if known is None else place - len(places) + len(known.log_prior)
+    factor = 1.0
+    if known is not None and last >= 0:
+        score -= query.temperature(calibration) * float(known.log_prior[last])
+        factor = float(known.factor[last])
     judged = 0.0, 1.0
     alone = err_apart(calibration)
     if not alone or any(calibration.off_map[ELSEWHERE:FACTOR]):  # only older maps ask for both
@@ -122,9 +119,8 @@ def fit_of_place(
     if alone:
         number, sign = places.where[:, place].tolist()
         road = own if own is not None and own.number == number else index.roads[number]
-        judged = weigh(query, road, sign, float(places.chainage_m[place]), prior).judged()
-    sums = (score - raised_by, *offsets)
-    return best_fit(sums, prior, query.fine, elsewhere, judged)
+        judged = weigh(query, road, sign, float(places.chainage_m[place]), prior, factor).judged()
+    return best_fit((score, *offsets), prior, query.fine, elsewhere, judged)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

@@ -24,7 +24,7 @@ from app.numerics.carriers import carrier_of
 from app.numerics.corners import TURN_SHARE
 from app.numerics.geodesy import Floats
 from app.numerics.index import MapIndex, RoadIndex
-from app.numerics.observation import HEARING_WEIGHT, OUTSIDE_HEARD, TERMS, Evidence
+from app.numerics.observation import HEARING_WEIGHT, OUTSIDE_HEARD, TERMS
 from app.numerics.offsets import (
     OffsetPrior,
     Taken,
@@ -34,7 +34,7 @@ from app.numerics.offsets import (
     take_offsets,
 )
 from app.numerics.paths import Way, road_along
-from app.numerics.query import Query
+from app.numerics.query import Query, columns_behind
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,18 +174,39 @@ class _Terms:
 
 
 def _terms(road: RoadIndex, query: Query, grid: int, sign: int) -> _Terms:
+    """Of samples between two columns, a share of either one's; levels bend as at the nearest."""
+    behind, share = columns_behind(query.fine.behind_m, road.step_m)
+    nearest, _ = columns_behind(query.fine.behind_m, road.step_m, nearest=True)
+    last, weight = road.along.columns - 1, query.fine.weight
+    at, before, bent = (
+        np.clip(grid + 1 - sign * one, 0, last) for one in (behind, behind + 1, nearest)
+    )
+    near = _terms_at(road, query, at, weight * (1.0 - share))
+    far = _terms_at(road, query, before, weight * share)
+    return _Terms(
+        level=near.level + far.level,
+        residual=near.residual + far.residual,
+        weight=near.weight + far.weight,
+        hearing=near.hearing + far.hearing,
+        bend=_of_cells(road.along.bend, road, query.cells, bent, 1)[0],
+        silent={cell: one + far.silent[cell] for cell, one in near.silent.items()},
+    )
+
+
+def _terms_at(
+    road: RoadIndex, query: Query, columns: Int[np.ndarray, " samples"], weight: Floats
+) -> _Terms:
+    """The terms of samples that lie at columns and weigh so much; without their bend."""
     seen = query.fine
-    behind = np.rint(seen.behind_m / road.step_m).astype(np.intp)
-    columns = np.clip(grid + 1 - sign * behind, 0, road.along.columns - 1)
     precision, aimed, square, logit, _ = cell_terms(road, query.cells, columns)
-    count = seen.heard * seen.weight[:, None]
+    count = seen.heard * weight[:, None]
     return _Terms(
         level=-0.5 * count * (precision * seen.rsrp_db**2 - 2.0 * aimed * seen.rsrp_db + square),
         residual=count * (precision * seen.rsrp_db - aimed),
         weight=count * precision,
-        hearing=_hearing(road, query, columns, precision > 0.0, logit),
-        bend=_of_cells(road.along.bend, road, query.cells, columns, 1)[0],
-        silent=_silent(road, query.cells, seen, columns),
+        hearing=_hearing(road, query, columns, precision > 0.0, logit) * weight[:, None],
+        bend=np.zeros_like(count),
+        silent=_silent(road, query, columns, weight),
     )
 
 
@@ -196,23 +217,26 @@ def _hearing(
     mapped: Bool[np.ndarray, "samples cells"],
     logit: Float[np.ndarray, "samples cells"],
 ) -> Float[np.ndarray, "samples cells"]:
-    """Hearing the cells or not, cells that the road lacks and samples beyond its ends included."""
+    """
+    Hearing the cells or not, cells that the road lacks and samples beyond its ends included; of
+    samples that weigh 1.
+    """
     seen = query.fine
     outside = road.along.rows[-1, columns].astype(float)[:, None]
     listened = seen.share @ _alike(query.cells, query.cells)
     each = seen.heard * (logit + np.log(OUTSIDE_HEARD) * outside)
     each += listened * np.where(mapped, -np.logaddexp(0.0, logit), 0.0)
-    return np.asarray(HEARING_WEIGHT * each * seen.weight[:, None])
+    return np.asarray(HEARING_WEIGHT * each)
 
 
 def _silent(
-    road: RoadIndex, cells: tuple[str, ...], seen: Evidence, columns: Int[np.ndarray, " samples"]
+    road: RoadIndex, query: Query, columns: Int[np.ndarray, " samples"], weight: Floats
 ) -> dict[str, float]:
     """Not hearing the road's other cells at all, of carriers that were heard."""
-    names = tuple(sorted(set(road.cells) - set(cells)))
+    names = tuple(sorted(set(road.cells) - set(query.cells)))
     precision, _, _, logit, _ = cell_terms(road, names, columns)
     each = np.where(precision > 0.0, -np.logaddexp(0.0, logit), 0.0)
-    listened = seen.weight[:, None] * (seen.share @ _alike(cells, names))
+    listened = weight[:, None] * (query.fine.share @ _alike(query.cells, names))
     told = HEARING_WEIGHT * (listened * each).sum(axis=0)
     return dict(zip(names, told.tolist(), strict=True))
 

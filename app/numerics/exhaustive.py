@@ -31,7 +31,7 @@ def locate_exhaustively(
 
     def answered(corners: list[Corner]) -> Fix:
         placed = with_hypotheses(index, query, straight, corners)
-        return answer(index, query, placed.places, confidence, placed.log_prior)
+        return answer(index, query, placed.places, confidence, placed.known)
 
     corners = every_corner(index, query) if turns else []
     fix = answered(corners)

@@ -28,6 +28,7 @@ from app.numerics.posterior import (
     RESIDUAL,
     SCORE,
     WIDTH,
+    Known,
     Places,
 )
 from app.numerics.query import Query, ask
@@ -65,13 +66,12 @@ class Placed:
     Where a window may end.
 
     Attributes:
-        log_prior: What is known beforehand of the last places, whose scores hold it times the
-            window's temperature, against the best of those along a road at the window's word. Of
-            these nothing is known; None = there are no others.
+        known: Of the last places, those that are not along a road at the window's word; None =
+            there are no others.
     """
 
     places: Places
-    log_prior: Float[np.ndarray, " last"] | None
+    known: Known | None
 
 
 def located(index: MapIndex, query: Query, confidence: float) -> tuple[Placed, Fix]:
@@ -81,10 +81,10 @@ def located(index: MapIndex, query: Query, confidence: float) -> tuple[Placed, F
     A short window is laid along roads alone, and round corners as well if it may have come so.
     """
     placed = place(index, query)
-    fix = answer(index, query, placed.places, confidence, placed.log_prior)
+    fix = answer(index, query, placed.places, confidence, placed.known)
     if may_have_turned(index, query, fix):
         placed = place(index, query, strays=True)
-        fix = answer(index, query, placed.places, confidence, placed.log_prior)
+        fix = answer(index, query, placed.places, confidence, placed.known)
     return placed, fix
 
 
@@ -118,16 +118,17 @@ def with_hypotheses(
     """
     if not corners:
         others = under_other_factors(index, query, straight, straight)
-        return Placed(straight, None) if others is None else Placed(others.places, others.log_prior)
+        return Placed(straight, None) if others is None else Placed(others.places, others.known)
     turned = places_round_corners(index, query, corners)
-    log_prior = np.full(len(turned), TURN_LOG)
+    log_prior, at_its_word = np.full(len(turned), TURN_LOG), np.ones(len(turned))
     turned.values[SCORE] += TURN_LOG * query.temperature(index.calibration)
     places = Places.join((straight, turned))
     others = under_other_factors(index, query, straight, places)
     if others is None:
-        return Placed(places, log_prior)
+        return Placed(places, Known(log_prior, at_its_word))
     log_prior += others.together
-    return Placed(others.places, np.concatenate((log_prior, others.log_prior)))
+    parts = zip((log_prior, at_its_word), others.known, strict=True)
+    return Placed(others.places, Known(*map(np.concatenate, parts)))
 
 
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from app.numerics.native import Floats, Likelihood, Told, Wholes
-from app.numerics.posterior import VALUES, Places
+from app.numerics.posterior import VALUES, Known, Places
 from app.numerics.stretches import Stretch
 
 with suppress(ImportError):
@@ -44,7 +44,7 @@ def under_factors(
     terms: Likelihood,
     drawn: tuple[Floats, float, int, int, int, int],
     given: tuple[Places, int],
-) -> tuple[Places, Floats, float]:
+) -> tuple[Places, Known, float]:
     """
     The rest of `app.numerics.odometer.under_other_factors`, the places before included.
 
@@ -57,7 +57,7 @@ def under_factors(
         given: The places before, and how many of them lie along single roads.
 
     Returns:
-        All places, the log priors of the last ones, and of all factors together.
+        All places, what is known of the last ones, and the log prior of all factors together.
     """
     step_m, lowest, around, least, most, parts = drawn
     before, straight = given
@@ -65,7 +65,7 @@ def under_factors(
     room += most * (parts - 1) * 2 * around
     count = len(before) + room
     where, values = np.empty(2 * count, dtype=np.int64), np.empty(VALUES * count)
-    log_prior = np.empty(room)
+    log_prior, factor = np.empty((2, room))
     found, together = _native.under_factors(
         told.block,
         told.samples,
@@ -86,9 +86,10 @@ def under_factors(
         where,
         values,
         log_prior,
+        factor,
     )
     count = len(before) + found
     places = Places(
         where[: 2 * count].reshape(2, count), values[: VALUES * count].reshape(VALUES, count)
     )
-    return places, log_prior[:found], together
+    return places, Known(log_prior[:found], factor[:found]), together

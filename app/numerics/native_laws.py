@@ -32,7 +32,7 @@ def log_evidence(told: Told, temperature: float) -> float:
 def log_likelihoods(
     aimed: Aimed,
     rows: Float32[np.ndarray, "rows columns"],
-    at: tuple[int, float, int, float],
+    at: tuple[int, float, int, float, float],
     laws: tuple[float, float, float, float, float, float, float, float, float],
     devices: Likelihood,
 ) -> tuple[float, float, float, float, float]:
@@ -41,7 +41,8 @@ def log_likelihoods(
 
     Args:
         rows: Of the road's profile.
-        at: Grid position, share of the way to the next, +1 or -1, and the road's step.
+        at: Grid position, share of the way to the next, +1 or -1, the road's step, and what
+            distances are multiplied by.
         laws: Variance and reach of drift, of much of it and of shadowing, how much more noise a
             noisier device has, the log of a reading's background, and the window's temperature, 1
             at most.

@@ -23,8 +23,7 @@ from jaxtyping import Bool, Float
 
 from app.numerics import native, native_factors
 from app.numerics.index import MapIndex
-from app.numerics.observation import Evidence
-from app.numerics.posterior import Places, raised
+from app.numerics.posterior import Known, Places, raised
 from app.numerics.query import Query
 from app.numerics.refinement import AROUND, MIN_ROW, MOST_ROWS, PARTS, refine_each
 from app.numerics.refinement import LIGHTEST as DRAWN_FROM
@@ -33,13 +32,21 @@ from app.numerics.stretches import Stretch, lay
 # Where nobody said: some odometers are exact, most err by worn tyres or slip, others by far more
 SCALE_SD, FAR_SD = 0.03, 0.07
 ERR, ERR_FAR = 0.35, 0.3  # shares of these; the rest are exact
+import os
+
+APW, APM, MST = (
+    float(os.environ.get("APW", "1.5")),
+    float(os.environ.get("APM", "1.0")),
+    int(os.environ.get("MST", "12")),
+)
 FINE_REACH = 1.8  # standard deviations to either side
 FINE_STEPS = 2.0 / SCALE_SD  # to either side, of each unit of a standard deviation
-FARTHER_SDS = (2.7, 3.6)  # of `SCALE_SD`, looked at on one side
+FARTHER_REACH = 3.6  # of those that are looked at on one side
 FARTHER_FROM = 2.0  # under the best by the logarithm: where the outermost factor's best place is
 ROUGH_SDS = (-(3.0**0.5), 3.0**0.5)  # Gauss and Hermite's with the middle: exact for wide peaks
 ROUGH_SHARE = 1.0 / 6.0  # of each of these
 ROUGH_ERR = 0.8  # share of odometers that err, as wide peaks see it: far ones for more
+APART_WIDTHS, APART_M, MOST_STEPS = APW, APM, MST
 FINE_FROM = 1.0  # of a peak's width that one standard deviation moves the oldest sample by
 ROUGH_FROM = 0.25  # less than this part of it is no news
 WITHIN = 0.5  # a peak is as wide as its places whose score over temperature lies so near the best
@@ -81,52 +88,61 @@ class Factors:
         return Factors(value, np.concatenate((self.log_prior, more.log_prior)))
 
 
-@dataclass(frozen=True, slots=True)
-class Odometer:
+@dataclass(frozen=True, slots=True, eq=False)
+class Looked:
     """
-    What is known beforehand of the odometer that told a window's distances.
+    Which factors a window is laid under.
 
     Attributes:
-        scale_sd: Spread of the factor about 1; 0 = exact.
-        rough: Two factors, for peaks about as wide as the factors move them.
-        fine: For peaks that are narrower, four, or as many as are no farther apart than these.
-        farther: Beyond the lowest and beyond the highest of these, as many each; none where the
-            window says how far it errs.
+        near: By growing value; of all windows.
+        farther: Beyond the lowest and beyond the highest of these, as many each, on the side where
+            the outermost fits about as well as any; None = there are none.
+        every: All of them, those below first of the farther ones.
     """
 
-    scale_sd: float
-    rough: Factors
-    fine: Factors
+    near: Factors
     farther: tuple[Factors, Factors] | None
+    every: Factors
+
+
+def scale_sd_of(distance_error: float | None) -> float:
+    """
+    Spread of an odometer's factor about 1.
+
+    Args:
+        distance_error: As the window says; None = it does not, and the odometer is any.
+    """
+    return SCALE_SD if distance_error is None else distance_error
 
 
 @lru_cache(maxsize=256)
-def odometer_of(distance_error: float | None) -> Odometer:
+def rough_factors(distance_error: float | None) -> Looked:
+    """Two factors, for peaks about as wide as the factors move them."""
+    share = (ROUGH_ERR if distance_error is None else 1.0) * ROUGH_SHARE
+    value = 1.0 + scale_sd_of(distance_error) * np.array(ROUGH_SDS)
+    near = Factors.of(value, np.full(2, share))
+    return Looked(near, None, near)
+
+
+@lru_cache(maxsize=256)
+def fine_factors(distance_error: float | None, steps: int) -> Looked:
     """
-    The odometer of a window.
+    For peaks that are narrower.
 
     Args:
-        distance_error: One standard deviation of the factor, as the window says; None = it does
-            not, and the odometer is one of all there are.
+        steps: Factors to either side, as far as they mostly reach.
     """
-    if distance_error is None:
-        return _anybodys()
-    steps = max(math.ceil(distance_error * FINE_STEPS - 1e-9), 2)
-    sds = np.delete(np.linspace(-FINE_REACH, FINE_REACH, 2 * steps + 1), steps)
-    fine = Factors.of(1.0 + distance_error * sds, _shares(sds))
-    return Odometer(distance_error, _rough(distance_error, 1.0), fine, None)
-
-
-def _anybodys() -> Odometer:
-    """An odometer of which nobody said anything."""
-    near = np.delete(np.linspace(-FINE_REACH, FINE_REACH, 5), 2)
-    far = np.array(FARTHER_SDS)
+    near = np.delete(np.linspace(-FINE_REACH, FINE_REACH, 2 * steps + 1), steps)
+    if distance_error is not None:
+        known = Factors.of(1.0 + distance_error * near, _shares(near))
+        return Looked(known, None, known)
+    far = np.linspace(FINE_REACH, FARTHER_REACH, steps + 1)[1:]
     sds = np.concatenate((near, -far[::-1], far))
     share = ERR * _shares(sds) + ERR_FAR * _shares(sds * (SCALE_SD / FAR_SD))
     every = Factors.of(1.0 + SCALE_SD * sds, share)
     ends = len(near), len(near) + len(far)
     farther = every.take(slice(*ends)), every.take(slice(ends[1], None))
-    return Odometer(SCALE_SD, _rough(SCALE_SD, ROUGH_ERR), every.take(slice(ends[0])), farther)
+    return Looked(every.take(slice(ends[0])), farther, every)
 
 
 def _rough(scale_sd: float, err: float) -> Factors:
@@ -139,25 +155,24 @@ def _shares(sds: Float[np.ndarray, " factors"]) -> Float[np.ndarray, " factors"]
     return np.asarray(density / (1.0 + density.sum()))
 
 
-def multiplied(query: Query, factor: float) -> Query:
-    """The window with its travelled distances so much longer; what its samples weigh stays."""
-    seen = query.fine
-    fine = Evidence(seen.behind_m * factor, seen.rsrp_db, seen.heard, seen.share, seen.weight)
-    return Query(query.cells, query.unknown, query.samples, query.rsrp_dbm, fine, query.group)
-
-
-def factors_for(query: Query, width_m: float) -> Factors | None:
+def factors_for(query: Query, width_m: float) -> Looked | None:
     """
     Which factors are worth a look.
 
     Args:
         width_m: Of the window's peak.
     """
-    odometer = odometer_of(query.distance_error)
-    moved_m = odometer.scale_sd * query.length_m
+    scale_sd = scale_sd_of(query.distance_error)
+    moved_m = scale_sd * query.length_m
     if moved_m == 0.0 or moved_m < ROUGH_FROM * width_m:
         return None
-    return odometer.fine if moved_m > FINE_FROM * width_m else odometer.rough
+    if moved_m <= FINE_FROM * width_m:
+        return rough_factors(query.distance_error)
+    least = max(math.ceil(scale_sd * FINE_STEPS - 1e-9), 2)
+    apart_m = max(APART_WIDTHS * width_m, APART_M)
+    return fine_factors(
+        query.distance_error, max(least, min(math.ceil(FINE_REACH * moved_m / apart_m), MOST_STEPS))
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,13 +181,12 @@ class Others:
     Places of a window under factors other than 1, after those that were there before.
 
     Attributes:
-        log_prior: Of each of the new places, whose scores hold it times the temperature, against
-            one of the window taken at its word.
-        together: The same of places that were there before and stand for every factor.
+        known: Of the new places.
+        together: The log prior of places that were there before and stand for every factor.
     """
 
     places: Places
-    log_prior: Float[np.ndarray, " new"]
+    known: Known
     together: float
 
 
@@ -192,17 +206,18 @@ def under_other_factors(
     temperature = query.temperature(index.calibration)
     if query.told is not None:
         return _in_c(index, query, query.told, temperature, straight, before)
-    factors = factors_for(query, peak_width_m(straight, temperature))
-    stretches = [] if factors is None else stretches_about(index, query, straight, temperature)
-    if factors is None or not stretches:
+    looked = factors_for(query, peak_width_m(straight, temperature))
+    stretches = [] if looked is None else stretches_about(index, query, straight, temperature)
+    if looked is None or not stretches:
         return None
-    queries = [multiplied(query, value) for value in factors.value.tolist()]
+    factors = looked.near
+    queries = [query.multiplied(value) for value in factors.value.tolist()]
     parts = [lay(index, one, stretches) for one in queries]
     best = np.array([float(one.score.max()) for one in parts]) / temperature
     top = float(before.score.max()) / temperature
-    more = farther_of(odometer_of(query.distance_error), factors, best + factors.log_prior, top)
+    more = farther_of(looked, best + factors.log_prior, top)
     if more is not None:
-        beyond = [multiplied(query, value) for value in more.value.tolist()]
+        beyond = [query.multiplied(value) for value in more.value.tolist()]
         parts += [lay(index, one, stretches) for one in beyond]
         queries, factors = queries + beyond, factors.and_then(more)
     laid, count = refine_each(index, queries, Places.join(parts))
@@ -211,25 +226,26 @@ def under_other_factors(
     standing[: len(straight)] = ~_within(index, straight, stretches)
     weighed = raised(before, temperature * factors.together * standing)
     laid = raised(laid, temperature * log_prior)
-    return Others(Places.join((weighed, laid)), log_prior, factors.together)
+    known = Known(log_prior, np.repeat(factors.value, count))
+    return Others(Places.join((weighed, laid)), known, factors.together)
 
 
 def farther_of(
-    odometer: Odometer, factors: Factors, log_best: Float[np.ndarray, " factors"], top: float
+    looked: Looked, log_best: Float[np.ndarray, " factors"], top: float
 ) -> Factors | None:
     """
-    The factors beyond those that were looked at, on the side where these fit best.
+    The factors beyond the near ones, on the side where these fit best.
 
     Args:
-        log_best: Log posterior of the best place under each factor, up to a constant.
+        log_best: Log posterior of the best place under each near factor, up to a constant.
         top: The same of the window taken at its word.
     """
-    if odometer.farther is None or factors is not odometer.fine:
+    if looked.farther is None:
         return None
     low, high = log_best[[0, -1]].tolist()
     if max(low, high) < max(top, float(log_best.max())) - FARTHER_FROM:
         return None
-    return odometer.farther[0 if low >= high else 1]
+    return looked.farther[0 if low >= high else 1]
 
 
 def _within(
@@ -253,24 +269,22 @@ def _in_c(
     before: Places,
 ) -> Others | None:
     """The same with the kernels in C."""
-    atlas, moved_m = index.atlas, odometer_of(query.distance_error).scale_sd * query.length_m
+    atlas, moved_m = index.atlas, scale_sd_of(query.distance_error) * query.length_m
     near = (WITHIN * temperature, LIGHTEST * temperature)
     limits = (moved_m / ROUGH_FROM, -ROUGH_SDS[0] * moved_m, MOST_M)
     width_m, found = native_factors.stretches_about(
         straight, (atlas.step_m, atlas.size), near, limits
     )
-    factors = factors_for(query, width_m)
-    if factors is None or not found:
+    looked = factors_for(query, width_m)
+    if looked is None or not found:
         return None
     stretches = []
     for one in found:
         road = index.roads[one[0]]
         along, cells = road.along, query.numbers(road.column)
         stretches.append((along.rows, along.bend, cells, *one, road.step_m, road.length_m))
-    known, every = odometer_of(query.distance_error), factors
-    if known.farther is not None and factors is known.fine:
-        every = factors.and_then(known.farther[0].and_then(known.farther[1]))
-    far = len(every.value) - len(factors.value)
+    every = looked.every
+    far = len(every.value) - len(looked.near.value)
     priors = (every.value, every.log_prior, temperature, far, FARTHER_FROM)
     drawn = (atlas.step_m, DRAWN_FROM * temperature, AROUND, MIN_ROW, MOST_ROWS, PARTS)
     return Others(
@@ -291,7 +305,7 @@ def stretches_about(
 ) -> list[Stretch]:
     """Stretches about the places that carry mass; none when they are longer than `MOST_M`."""
     heavy = (places.score >= places.score.max() - LIGHTEST * temperature).nonzero()[0]
-    reach_m = -ROUGH_SDS[0] * odometer_of(query.distance_error).scale_sd * query.length_m
+    reach_m = -ROUGH_SDS[0] * scale_sd_of(query.distance_error) * query.length_m
     road, sign = places.where.take(heavy, axis=1).tolist()
     found: list[Stretch] = []
     metres = 0.0

@@ -14,14 +14,14 @@ import numpy as np
 from jaxtyping import Float32, Int
 
 from app.numerics import native
-from app.numerics.alignment import score_positions
+from app.numerics.alignment import Between, score_positions
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.motion import Branch, Leg
 from app.numerics.newcomers import Columns
 from app.numerics.observation import TERMS, Profile
 from app.numerics.offsets import take_offsets
 from app.numerics.posterior import APART, CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
-from app.numerics.query import FINE_STEP_M, Query
+from app.numerics.query import FINE_STEP_M, Query, columns_behind
 
 REACH_SDS = 3.5  # of a branch's spread: where along its road its end is looked for
 
@@ -88,9 +88,10 @@ def places_along(index: MapIndex, query: Query, way: Way, span: tuple[int, int])
         places = Places(where, values)
         _lay(index, query, query.told, rows, (before + first, before + last), places)
     else:
-        behind = np.rint(query.fine.behind_m / FINE_STEP_M).astype(np.intp)
+        behind, share = columns_behind(query.fine.behind_m, FINE_STEP_M)
         columns = np.maximum(before + ends - behind[:, None], 0)
-        score, *sums = score_positions(rows.astype(float), query.factors, columns)
+        between = Between(np.maximum(columns - 1, 0), share)
+        score, *sums = score_positions(rows.astype(float), query.factors, columns, between)
         taken = take_offsets(np.array(sums), query.prior(index))
         values[SCORE] = score + taken.gain
         values[RESIDUAL], values[WEIGHT] = taken.residual, taken.weight

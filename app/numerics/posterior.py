@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -80,6 +81,20 @@ class Places:
         """The places that a mask or indices name."""
         where, values = self.where[:, kept], self.values[:, kept]
         return Places(np.ascontiguousarray(where), np.ascontiguousarray(values))
+
+
+class Known(NamedTuple):
+    """
+    What is known of the last of some places.
+
+    Attributes:
+        log_prior: Beforehand, against any metre of the map: it is in their scores times the
+            window's temperature.
+        factor: What the window's distances are multiplied by there.
+    """
+
+    log_prior: Float[np.ndarray, " last"]
+    factor: Float[np.ndarray, " last"]
 
 
 def raised(places: Places, by: Float[np.ndarray, " places"]) -> Places:

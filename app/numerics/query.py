@@ -21,6 +21,7 @@ from app.numerics.tapes import COARSE_STEPS_M, GAP
 from app.numerics.wild import without_wild
 
 FINE_STEP_M = 1.0
+ON_COLUMN = 1e-6  # of a column: samples so near lie at one
 LONGEST_M = COARSE_STEPS_M[-1] * (GAP - 1)  # readings farther back than this are not used
 
 
@@ -34,13 +35,15 @@ class Aim:
         here: Columns of the window that the profile knows, or has a stand-in for; None = all, in
             the profile's order.
         factors: The window's side of the likelihood for these rows, see `coefficients`.
-        behind: Columns of the profile from each sample to the window's end.
+        behind: Columns of the profile from each sample to the window's end, in whole ones.
+        share: Of the way from there to the next column behind, where each sample lies.
     """
 
     rows: Int[np.ndarray, " rows"] | None
     here: Int[np.ndarray, " chosen"] | None
     factors: Float[np.ndarray, "channels samples rows"]
     behind: Int[np.ndarray, " samples"]
+    share: Float[np.ndarray, " samples"]
 
     def cells(self, count: int) -> Int[np.ndarray, " chosen"]:
         """Numbers of the window's cells among the profile's ``count``."""
@@ -123,6 +126,12 @@ class Query:
         """Travelled distance from the oldest usable sample to the last."""
         return float(self.fine.behind_m[-1])
 
+    def multiplied(self, factor: float) -> Query:
+        """The window with its distances so much longer, for numpy; what its samples weigh stays."""
+        seen = self.fine
+        fine = Evidence(seen.behind_m * factor, seen.rsrp_db, seen.heard, seen.share, seen.weight)
+        return Query(self.cells, self.unknown, self.samples, self.rsrp_dbm, fine, self.group)
+
     def aim(self, column: Columns, step_m: float, *, joined: bool = False) -> Aim:
         """
         Match the window's cells with a profile's rows.
@@ -130,8 +139,8 @@ class Query:
         Args:
             column: Numbers of cells in the profile.
             step_m: Metres between the profile's columns.
-            joined: Add up the samples of one column, which then count as one: the same scores for
-                fewer products where a column is longer than a sample.
+            joined: Take every sample to lie at the nearest column and add up those of one, which
+                then count as one: fewer products where a column is longer than a sample.
         """
         factors, rows, here = self.factors, None, None
         numbers = self.numbers(column)
@@ -141,11 +150,12 @@ class Query:
             rows = _rows_of(there[here], len(column))
             if len(here) < len(numbers):
                 factors = factors[:, :, _rows_of(here, len(numbers))]
-        behind = np.rint(self.fine.behind_m * (1.0 / step_m)).astype(np.intp)
+        behind, share = columns_behind(self.fine.behind_m, step_m, nearest=joined)
         if joined:
             starts = np.concatenate(([0], (behind[1:] != behind[:-1]).nonzero()[0] + 1))
-            factors, behind = np.add.reduceat(factors, starts, axis=1), behind[starts]
-        return Aim(rows, here, factors, behind)
+            factors = np.add.reduceat(factors, starts, axis=1)
+            behind, share = behind[starts], share[starts]
+        return Aim(rows, here, factors, behind, share)
 
     def aimed(self, told: native.Told, column: Columns) -> native.Aimed:
         """Twin of `aim` for the kernels in C, which do the rest of it themselves."""
@@ -173,6 +183,22 @@ class Query:
             target = index.roads[road]
             found = self._aims[road] = self.aim(target.column, target.step_m)
         return found
+
+
+def columns_behind(
+    behind_m: Float[np.ndarray, " samples"], step_m: float, *, nearest: bool = False
+) -> tuple[Int[np.ndarray, " samples"], Float[np.ndarray, " samples"]]:
+    """
+    Whole columns from each sample to the window's end, and the share of the way to the next one.
+
+    Args:
+        nearest: Take every sample to lie at the nearest column.
+    """
+    columns = behind_m * (1.0 / step_m)
+    at = np.rint(columns)
+    between = (np.abs(columns - at) >= ON_COLUMN) & (not nearest)
+    whole = np.where(between, np.floor(columns), at)
+    return whole.astype(np.intp), np.where(between, columns - whole, 0.0)
 
 
 def _rows_of(cells: Int[np.ndarray, " chosen"], count: int) -> Int[np.ndarray, " rows"]:

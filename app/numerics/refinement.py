@@ -18,7 +18,7 @@ from app.numerics import native
 from app.numerics.index import MapIndex
 from app.numerics.observation import Evidence, Profile
 from app.numerics.posterior import RESIDUAL, SCORE, WEIGHT, WIDTH, Places
-from app.numerics.query import Aim, Query
+from app.numerics.query import Aim, Query, columns_behind
 
 PARTS = 5  # 0.2 m: an eighth of the narrowest posteriors seen, from edge to edge
 AROUND = 3  # grid positions on either side of the best that are drawn anew
@@ -119,9 +119,13 @@ def _rows(
 def bend_along(
     along: Profile, aim: Aim, seen: Evidence, row: Places, step_m: float
 ) -> Float[np.ndarray, " intervals"]:
-    """How far the score lies above the straight line, from each grid position to the next."""
+    """
+    How far the score lies above the straight line, from each grid position to the next: samples
+    bend as if they lay at the nearest ones.
+    """
     start = round(float(row.chainage_m[0]) / step_m) + 1
-    columns = np.arange(start, start + len(row) - 1) - int(row.sign[0]) * aim.behind[:, None]
+    behind, _ = columns_behind(seen.behind_m, step_m, nearest=True)
+    columns = np.arange(start, start + len(row) - 1) - int(row.sign[0]) * behind[:, None]
     columns = np.minimum(np.maximum(columns, 0), along.columns - 1)
     low, high = int(columns.min()), int(columns.max())
     bend = along.bend[:, low : high + 1]

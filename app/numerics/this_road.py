@@ -93,23 +93,30 @@ class OnRoad(NamedTuple):
         share: Of the way to that.
         sign: +1 for travel towards growing chainage, else -1.
         step_m: Of the road's grid.
+        factor: What the window's distances are multiplied by.
     """
 
     low: int
     share: float
     sign: int
     step_m: float
+    factor: float = 1.0
 
     @classmethod
-    def of(cls, road: RoadIndex, sign: int, chainage_m: float) -> OnRoad:
+    def of(cls, road: RoadIndex, sign: int, chainage_m: float, factor: float = 1.0) -> OnRoad:
         """Where a chainage lies on a road."""
         at = chainage_m / road.step_m
         low = min(int(at), road.grid_size - 2)
-        return cls(low, min(at - low, 1.0), sign, road.step_m)
+        return cls(low, min(at - low, 1.0), sign, road.step_m, factor)
 
 
 def weigh(
-    query: Query, road: RoadIndex, sign: int, chainage_m: float, prior: OffsetPrior
+    query: Query,
+    road: RoadIndex,
+    sign: int,
+    chainage_m: float,
+    prior: OffsetPrior,
+    factor: float = 1.0,
 ) -> Likelihoods:
     """
     What each law makes of a window's levels at a place.
@@ -117,8 +124,9 @@ def weigh(
     Args:
         sign, chainage_m: Where on the road it fits best.
         prior: Of the device's offset, for this window.
+        factor: What its distances are multiplied by where it fits best.
     """
-    at, temperature = OnRoad.of(road, sign, chainage_m), min(prior.temperature, 1.0)
+    at, temperature = OnRoad.of(road, sign, chainage_m, factor), min(prior.temperature, 1.0)
     devices = prior.at(max(prior.temperature, 1.0))
     if query.told is None:
         return log_likelihoods(query, road, at, temperature, devices)
@@ -143,6 +151,7 @@ def log_likelihoods(
         temperature: Of the window, 1 at most: each reading counts for its weight over it.
         devices: What the device's offset may be, where readings count for so much.
     """
+    query = query.multiplied(at.factor)
     seen = query.fine
     mean_db, precision = _expected(query, road, at)
     count = np.where(precision > 0.0, seen.heard * (seen.weight[:, None] / temperature), 0.0)

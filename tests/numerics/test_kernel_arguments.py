@@ -53,8 +53,8 @@ def arguments(seed: int) -> dict[str, list[object]]:
             1.0,
         ],
         "this_road": [
-            *(*over_road, road.along.rows, 3, 0.4, -1, 1.0, 1.4, 100.0, 9.0, 100.0, 36.0, 20.0),
-            *(4.0, 3.0, 0.8, 100.0, 64.0, 20.0, 9.0, 1.9, terms),
+            *(*over_road, road.along.rows, 3, 0.4, -1, 1.0, 1.1, 1.4, 100.0, 9.0, 100.0, 36.0),
+            *(20.0, 4.0, 3.0, 0.8, 100.0, 64.0, 20.0, 9.0, 1.9, terms),
         ],
         "tape": [
             *(
@@ -97,6 +97,7 @@ def arguments(seed: int) -> dict[str, list[object]]:
             *(atlas.step_m, 7.0, 3, 3, 6, 5, *old, 4),
             np.zeros(2 * (len(places) + 99), dtype=np.int64),
             np.zeros(posterior.VALUES * (len(places) + 99)),
+            np.zeros(99),
             np.zeros(99),
         ],
         "summary": [

@@ -215,6 +215,8 @@ def test_other_factors_are_the_same(seed, temperature):
     assert (slow is None) == (quick is None)
     if slow is None or quick is None:
         return
-    np.testing.assert_array_equal(quick.log_prior, slow.log_prior)
+    np.testing.assert_array_equal(quick.known.log_prior, slow.known.log_prior)
+    np.testing.assert_array_equal(quick.known.factor, slow.known.factor)
+    assert quick.together == pytest.approx(slow.together, abs=1e-12)
     np.testing.assert_array_equal(quick.places.where, slow.places.where)
     np.testing.assert_allclose(quick.places.values, slow.places.values, **SCORES)

@@ -16,7 +16,6 @@ from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.matching import finest_places, locate, place
 from app.numerics.odometer import (
     factors_for,
-    multiplied,
     odometer_of,
     peak_width_m,
     stretches_about,
@@ -247,7 +246,7 @@ def test_multiplied_windows_keep_their_readings():
     window, _ = windows(city_of(), 1, length_m=30.0)[0]
     query = ask(index, window)
     before_m = query.fine.behind_m.copy()
-    longer = multiplied(query, 1.02)
+    longer = query.multiplied(1.02)
     np.testing.assert_array_equal(query.fine.behind_m, before_m)
     np.testing.assert_allclose(longer.fine.behind_m, 1.02 * before_m)
     np.testing.assert_array_equal(longer.fine.rsrp_db, query.fine.rsrp_db)

@@ -87,7 +87,7 @@ def along_roads(index: MapIndex, window: Window) -> Fix:
     """The answer from places along roads alone."""
     query = ask(index, window)
     placed = place(index, query)
-    return answer(index, query, placed.places, 0.68, placed.log_prior)
+    return answer(index, query, placed.places, 0.68, placed.known)
 
 
 def test_strange_windows_stay_off_the_map():

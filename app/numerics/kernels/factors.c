@@ -4,16 +4,19 @@
 #include <math.h>
 #include <stdlib.h>
 
+#define ON_COLUMN 1e-6 /* as in app.numerics.query */
+
 static int allocate(Factors *f, ptrdiff_t samples, ptrdiff_t cells)
 {
     size_t indices = (size_t)(2 * samples + 1), said = (size_t)(samples * cells);
-    f->memory = calloc(1, said * sizeof(Said) + (size_t)samples * sizeof(double) +
+    f->memory = calloc(1, said * sizeof(Said) + 2 * (size_t)samples * sizeof(double) +
                               indices * sizeof(ptrdiff_t));
     if (f->memory == NULL)
         return OUT_OF_MEMORY;
     f->said = f->memory;
     f->outside = (double *)(f->said + said);
-    f->behind = (ptrdiff_t *)(f->outside + samples);
+    f->share = f->outside + samples;
+    f->behind = (ptrdiff_t *)(f->share + samples);
     f->first = f->behind + samples;
     return 0;
 }
@@ -55,6 +58,18 @@ static Said *close_sample(Factors *f, const Told *told, Said *said)
     return end;
 }
 
+/* The column that a sample lies at or after, and the share of the way to the next one; or the
+ * nearest. */
+static double column_behind(double columns, int nearest, double *share)
+{
+    double whole = rint(columns);
+    if (nearest || fabs(columns - whole) < ON_COLUMN)
+        return whole;
+    whole = floor(columns);
+    *share = columns - whole;
+    return whole;
+}
+
 int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined,
         const Likelihood *likelihood)
 {
@@ -70,11 +85,12 @@ int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined
     f->hearing = likelihood->hearing;
     Said *said = f->said;
     for (ptrdiff_t i = 0; i < told->samples; i++) {
-        double behind = rint(told->behind_m[i] * (1.0 / step_m));
+        double share = 0.0, behind = column_behind(told->behind_m[i] * (1.0 / step_m), joined, &share);
         if (!(fabs(behind) < MOST_COLUMNS))
             return OUT_OF_BOUNDS;
         if (!joined || f->samples == 0 || f->behind[f->samples - 1] != (ptrdiff_t)behind) {
             said = f->samples == 0 ? said : close_sample(f, told, said);
+            f->share[f->samples] = share;
             f->behind[f->samples++] = (ptrdiff_t)behind;
         }
         add_sample(f, told, i, likelihood, said);

@@ -20,12 +20,13 @@ typedef struct {
     ptrdiff_t *behind; /* columns, of each sample */
     ptrdiff_t *first;  /* of what each sample said; one more, the end, follows the last */
     double *outside;   /* of each sample */
+    double *share;     /* of the way to the next column behind, of each sample */
     Said *said;
     double hearing;
     void *memory; /* all of it: to be freed */
 } Factors;
 
-/* Twin of Query.aim; samples of one column are joined when that is wished. */
+/* Twin of Query.aim; samples are at the nearest column and those of one joined when that is wished. */
 int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined,
         const Likelihood *likelihood);
 

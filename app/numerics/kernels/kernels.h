@@ -148,10 +148,10 @@ typedef struct {
     double noise_times, background_log, temperature;
 } Laws;
 
-/* A place on a road: so far from grid position `low` to the next. */
+/* A place on a road: so far from grid position `low` to the next, distances so many times as long. */
 typedef struct {
     ptrdiff_t low, sign;
-    double share, step_m;
+    double share, step_m, factor;
 } OnRoad;
 
 /* evidence.c */
@@ -226,7 +226,8 @@ ptrdiff_t stretches_about(const Places *places, const double *step_m, const int6
                           ptrdiff_t roads, const Heavy *heavy, double *width_m, Laid *found);
 ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *factors,
                       const Likelihood *likelihood, const Drawing *drawing, const Places *before,
-                      ptrdiff_t straight, Room *room, double *log_prior, double *together);
+                      ptrdiff_t straight, Room *room, double *log_prior, double *factor,
+                      double *together);
 
 /* spread.c */
 int list_runs(const Places *places, const double *mass, const Atlas *atlas, const Spread *spread,

@@ -132,7 +132,7 @@ static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 24))
+    if (!begin(&call, arguments, given, 25))
         return NULL;
     Told window = told(&call);
     Along profile = along(&call, 'r');
@@ -141,6 +141,7 @@ static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_
     at.share = number(&call);
     at.sign = whole(&call);
     at.step_m = number(&call);
+    at.factor = number(&call);
     Laws laws;
     laws.drift_db2 = number(&call);
     laws.drift_m = number(&call);
@@ -485,7 +486,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 24);
+    return PyModule_AddIntConstant(module, "VERSION", 25);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

@@ -142,9 +142,11 @@ static ptrdiff_t draw(const Laid *stretches, ptrdiff_t size, const Places *laid,
     return fault < 0 ? fault : finer;
 }
 
-/* What is known of the factors goes into the scores of their places, `at` others before them. */
+/* What is known of the factors goes into the scores of their places, `at` others before them; it and
+ * the factors are told, too. */
 static void weigh(const Hypotheses *factors, ptrdiff_t size, const Row *rows, ptrdiff_t found,
-                  ptrdiff_t parts, const Room *room, ptrdiff_t at, double *log_prior)
+                  ptrdiff_t parts, const Room *room, ptrdiff_t at, double *log_prior,
+                  double *stretched)
 {
     double *score = room->values + SCORE * room->count + at;
     for (ptrdiff_t factor = 0; factor < factors->count; factor++) {
@@ -155,6 +157,7 @@ static void weigh(const Hypotheses *factors, ptrdiff_t size, const Row *rows, pt
         for (; count > 0; count--) {
             *score++ += factors->temperature * factors->log_prior[factor];
             *log_prior++ = factors->log_prior[factor];
+            *stretched++ = factors->value[factor];
         }
     }
 }
@@ -262,7 +265,8 @@ static void move_beside(Hypotheses *factors, int side, double *copy)
  */
 ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *given,
                       const Likelihood *likelihood, const Drawing *drawing, const Places *before,
-                      ptrdiff_t straight, Room *room, double *log_prior, double *together)
+                      ptrdiff_t straight, Room *room, double *log_prior, double *stretched,
+                      double *together)
 {
     ptrdiff_t size = 0, samples = stretches->told.samples, parts = drawing->parts, found = 0;
     for (ptrdiff_t i = 0; i < count; i++)
@@ -309,7 +313,7 @@ ptrdiff_t lay_factors(const Laid *stretches, ptrdiff_t count, const Hypotheses *
     if (fault >= 0)
         *together = stand_for_all(stretches, count, &factors, before, straight, room);
     if (fault >= 0)
-        weigh(&factors, size, rows, found, parts, room, before->count, log_prior);
+        weigh(&factors, size, rows, found, parts, room, before->count, log_prior, stretched);
     free(memory);
     return fault < 0 ? fault : room->count - before->count;
 }

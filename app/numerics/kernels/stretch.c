@@ -5,8 +5,19 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Where a sample lies: LANES columns from `at` on, `share` of the way to those `next` to them. */
+typedef struct {
+    ptrdiff_t at, next, columns;
+    double share;
+} Where;
+
+/* Whether all columns are of the road, and whether samples lie between them: known when compiled. */
+typedef struct {
+    int inside, between;
+} Kind;
+
 /* A row's columns `at` to `at + LANES - 1`; beyond its ends lie its outermost ones. */
-INLINE Lanes load(const float *row, ptrdiff_t at, ptrdiff_t columns, int inside)
+INLINE Lanes columns_of(const float *row, ptrdiff_t at, ptrdiff_t columns, int inside)
 {
     if (inside) {
         row += at;
@@ -20,19 +31,28 @@ INLINE Lanes load(const float *row, ptrdiff_t at, ptrdiff_t columns, int inside)
     return some;
 }
 
+INLINE Lanes load(const float *row, const Where *where, Kind kind)
+{
+    Lanes here = columns_of(row, where->at, where->columns, kind.inside);
+    if (!kind.between)
+        return here;
+    Lanes there = columns_of(row, where->at + where->next, where->columns, kind.inside);
+    return here + where->share * (there - here);
+}
+
 /* Adds one sample at LANES columns; the score that it returns holds no offset. */
-INLINE Lanes add_sample(const Along *along, const Factors *f, ptrdiff_t i, ptrdiff_t at, int inside,
-                        Own *own)
+INLINE Lanes add_sample(const Along *along, const Factors *f, ptrdiff_t i, const Where *at,
+                        Kind kind, Own *own)
 {
     ptrdiff_t columns = along->columns;
-    Lanes score = f->outside[i] * load(along->rows + along->cells * TERMS * columns, at, columns, inside);
+    Lanes score = f->outside[i] * load(along->rows + along->cells * TERMS * columns, at, kind);
     for (const Said *one = f->said + f->first[i]; one < f->said + f->first[i + 1]; one++) {
         const float *row = along->rows + one->cell * TERMS * columns;
-        Lanes precision = load(row, at, columns, inside);
-        Lanes pull = load(row + columns, at, columns, inside);
-        Lanes fixed = load(row + 2 * columns, at, columns, inside);
-        Lanes logit = load(row + 3 * columns, at, columns, inside);
-        Lanes quiet = load(row + 4 * columns, at, columns, inside);
+        Lanes precision = load(row, at, kind);
+        Lanes pull = load(row + columns, at, kind);
+        Lanes fixed = load(row + 2 * columns, at, kind);
+        Lanes logit = load(row + 3 * columns, at, kind);
+        Lanes quiet = load(row + 4 * columns, at, kind);
         score += one->square * precision + one->level * pull;
         score += one->heard * (f->hearing * logit - 0.5 * fixed) + f->hearing * one->share * quiet;
         own[one->group].residual += one->level * precision - one->heard * pull;
@@ -52,10 +72,14 @@ static void lay_windows(const Along *along, const Factors *f, ptrdiff_t groups, 
         Both sums = {{{0}, {0}, {0}}, {{0}, {0}, {0}}};
         memset(own, 0, sizeof *own * (size_t)groups);
         for (ptrdiff_t sample = 0; sample < f->samples; sample++) {
-            ptrdiff_t at = column + i - sign * f->behind[sample];
-            int inside = at >= 0 && at + LANES <= along->columns;
-            sums.together[0] += inside ? add_sample(along, f, sample, at, 1, own)
-                                       : add_sample(along, f, sample, at, 0, own);
+            Where where = {column + i - sign * f->behind[sample], -sign, along->columns,
+                           f->share[sample]};
+            if (where.at < 1 || where.at + LANES >= along->columns)
+                sums.together[0] += add_sample(along, f, sample, &where, (Kind){0, 1}, own);
+            else if (where.share == 0.0)
+                sums.together[0] += add_sample(along, f, sample, &where, (Kind){1, 0}, own);
+            else
+                sums.together[0] += add_sample(along, f, sample, &where, (Kind){1, 1}, own);
         }
         take_groups(own, groups, likelihood, &sums);
         for (int lane = 0; lane < LANES && i + lane < count; lane++) {

@@ -16,6 +16,7 @@ typedef struct {
 typedef struct {
     double *count, *mean_db, *precision;
     double *about; /* of each cell: the sum of counts, and of levels, later their mean */
+    double *behind_m; /* of each sample, as the factor has it */
     Filter *each;  /* of each cell, under the law of any road */
     Strand *strand; /* of each cell, under the others */
     Own *own;       /* of each group */
@@ -24,7 +25,8 @@ typedef struct {
 static int allocate(Work *work, const Told *told)
 {
     size_t readings = (size_t)(told->samples * told->cells), cells = (size_t)told->cells;
-    work->count = calloc(1, (3 * readings + 2 * cells) * sizeof(double) +
+    size_t samples = (size_t)told->samples;
+    work->count = calloc(1, (3 * readings + 2 * cells + samples) * sizeof(double) +
                                 cells * (sizeof(Filter) + sizeof(Strand)) +
                                 (size_t)told->groups * sizeof(Own));
     if (work->count == NULL)
@@ -32,7 +34,8 @@ static int allocate(Work *work, const Told *told)
     work->mean_db = work->count + readings;
     work->precision = work->mean_db + readings;
     work->about = work->precision + readings;
-    work->each = (Filter *)(work->about + 2 * cells);
+    work->behind_m = work->about + 2 * cells;
+    work->each = (Filter *)(work->behind_m + samples);
     work->strand = (Strand *)(work->each + cells);
     work->own = (Own *)(work->strand + cells);
     return 0;
@@ -171,15 +174,19 @@ static void settle_all(Work *work, const Told *told, const Laws *laws, const Lik
     }
 }
 
-int weigh_this_road(const Told *told, const Along *along, const OnRoad *at, const Laws *laws,
+int weigh_this_road(const Told *window, const Along *along, const OnRoad *at, const Laws *laws,
                     const Field *field, const Likelihood *devices, double found[5])
 {
-    for (ptrdiff_t k = 0; k < told->cells; k++)
-        if (told->numbers[k] >= along->cells)
+    for (ptrdiff_t k = 0; k < window->cells; k++)
+        if (window->numbers[k] >= along->cells)
             return OUT_OF_BOUNDS;
     Work work;
-    if (allocate(&work, told) < 0)
+    if (allocate(&work, window) < 0)
         return OUT_OF_MEMORY;
+    Told longer = *window, *told = &longer;
+    for (ptrdiff_t i = 0; i < told->samples; i++)
+        work.behind_m[i] = window->behind_m[i] * at->factor;
+    longer.behind_m = work.behind_m;
     double known = expect(&work, told, along, at, laws), readings = 0.0;
     int fault = isnan(known) ? OUT_OF_BOUNDS : 0;
     if (fault == 0) {

@@ -116,7 +116,7 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
 {
     Call call;
     (void)self;
-    if (!begin(&call, arguments, given, 23))
+    if (!begin(&call, arguments, given, 24))
         return NULL;
     Told window = told(&call);
     Py_ssize_t count, factors[1] = {-1}, where_size[1] = {-1}, size[1] = {-1}, priors[1] = {-1};
@@ -138,6 +138,7 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
     int64_t *where = array(&call, 'l', WRITE, 1, where_size);
     double *values = array(&call, 'd', WRITE, 1, size);
     double *log_prior = array(&call, 'd', WRITE, 1, priors);
+    double *stretched = array(&call, 'd', WRITE, 1, priors);
     Held *held = call.failed ? NULL : malloc(sizeof *held * (size_t)count);
     Laid *stretches = call.failed ? NULL : malloc(sizeof *stretches * (size_t)count);
     if (!call.failed && (held == NULL || stretches == NULL))
@@ -150,7 +151,7 @@ PyObject *under_factors(PyObject *self, PyObject *const *arguments, Py_ssize_t g
     double together = 0.0;
     if (!call.failed)
         check(&call, found = lay_factors(stretches, count, &hypotheses, &terms, &drawn, &before,
-                                         straight, &room, log_prior, &together));
+                                         straight, &room, log_prior, stretched, &together));
     while (taken > 0)
         release(&held[--taken].call, NULL);
     free(held);
