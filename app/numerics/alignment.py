@@ -61,9 +61,9 @@ def align(
     """
     Score, residuals and weights of a window ending at each column from ``first`` to ``last``.
 
-    Samples beyond the profile's ends lie on its outermost columns, which are outside the road; those
-    between two columns have a share of either one's terms. In float64: a position must be the same
-    on every machine, whatever order its products add up in.
+    Samples beyond the profile's ends lie on its outermost columns, outside the road; those between
+    two columns have a share of either one's terms. In float64: a position must be the same on every
+    machine, whatever order its products add up in.
 
     Args:
         sign: +1 for travel towards growing columns, -1 against.

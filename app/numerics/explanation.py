@@ -23,7 +23,7 @@ from app.numerics.heeded import WildReading, left_out, silence_of
 from app.numerics.index import MapIndex
 from app.numerics.offmap import err_apart
 from app.numerics.query import Query, ask
-from app.numerics.rivals import answered_place, runner_up
+from app.numerics.rivals import answered_place, factor_beside, runner_up
 from app.numerics.this_road import weigh
 
 EXPECTED_FROM = 0.5  # a cell this probable at the answer's place, and never heard, is missing
@@ -285,11 +285,12 @@ def _fit(query: Query, told: Contributions) -> float:
 
 
 def _judged(index: MapIndex, query: Query, place: Place) -> tuple[float | None, float]:
-    """`app.numerics.this_road` at the place, where it counts: the factor, and the noise."""
+    """`app.numerics.this_road` at the place, distances as they fit best: the factor and noise."""
     if not (query.cells and err_apart(index.calibration)):
         return None, 1.0
     road, prior = index.roads[place.road], query.prior(index)
-    return weigh(query, road, place.sign, place.chainage_m, prior).judged()
+    factor = factor_beside(index, query, place)
+    return weigh(query, road, place.sign, place.chainage_m, prior, factor).judged()
 
 
 def _readings(query: Query) -> float:

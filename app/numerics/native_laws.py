@@ -48,4 +48,7 @@ def log_likelihoods(
             at most.
         devices: Of the prior of offsets.
     """
-    return _native.this_road(*aimed, rows, *at, *laws, *ANY_ROAD, devices)
+    low, share, sign, step_m, factor = at
+    return _native.this_road(
+        *aimed, rows, low, share, sign, step_m, factor, *laws, *ANY_ROAD, devices
+    )

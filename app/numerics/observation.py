@@ -161,7 +161,7 @@ def evidence(
     heard = known.astype(float)
     level_db = np.where(known, level_db, 0.0)
     behind_m = distance_m[-1] - distance_m[::-1]
-    stretch = np.rint(behind_m / step_m)
+    stretch = np.floor(behind_m / step_m + 0.5)  # of samples each half metre two are one
     change = stretch[1:] != stretch[:-1]
     if not change.all():
         starts = np.concatenate(([0], np.flatnonzero(change) + 1))

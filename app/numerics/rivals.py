@@ -10,7 +10,7 @@ from app.numerics.coarse import shortlist
 from app.numerics.contributions import Place, contributions
 from app.numerics.corners import places_round_corners, way_of
 from app.numerics.index import MapIndex
-from app.numerics.matching import fine_places
+from app.numerics.matching import fine_places, place
 from app.numerics.posterior import Places
 from app.numerics.query import Query
 from app.numerics.refinement import refine
@@ -32,8 +32,8 @@ def answered_place(index: MapIndex, query: Query, fix: Fix) -> Place:
     near += _round_corners(index, query, near[0], fix.chainage_m)
     temperature = query.temperature(index.calibration)
 
-    def density(place: Place) -> float:
-        return contributions(index, query, place).score + temperature * place.log_prior
+    def density(one: Place) -> float:
+        return contributions(index, query, one).score + temperature * one.log_prior
 
     return max(near, key=density)
 
@@ -50,6 +50,19 @@ def _round_corners(index: MapIndex, query: Query, near: Place, chainage_m: float
             at_m = float(places.chainage_m[best])
             found.append(Place(near.road, near.sign, at_m, way_of(index, corner.turn)))
     return found
+
+
+def factor_beside(index: MapIndex, query: Query, answer: Place) -> float:
+    """What the window's distances are multiplied by where it fits best beside the answer."""
+    placed = place(index, query)
+    places, known = placed.places, placed.known
+    if answer.way is not None or known is None:
+        return 1.0
+    beside = np.abs(places.chainage_m - answer.chainage_m) <= PEAK_M
+    beside &= (places.road == answer.road) & (places.sign == answer.sign)
+    best = int(np.where(beside, places.score, -np.inf).argmax())
+    last = best - len(places) + len(known.factor)
+    return float(known.factor[last]) if last >= 0 else 1.0
 
 
 def runner_up(index: MapIndex, query: Query, answer: Place) -> Place:

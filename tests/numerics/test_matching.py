@@ -9,7 +9,7 @@ import pytest
 
 from app.domain import Direction, Window
 from app.evaluation.scenario import drive, windows
-from app.numerics import odometer
+from app.numerics import odometer_prior
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.matching import locate, shortlist
 from app.numerics.query import ask
@@ -200,7 +200,7 @@ def test_a_window_longer_than_its_road_is_answered(direction):
         fix = locate(index, Window(trace.cells, np.arange(751.0), rsrp_dbm))
         assert (fix.road_id, fix.direction) == (truth.road_id, direction)
         there_m = fix.chainage_m if direction is Direction.FORWARD else 400.0 - fix.chainage_m
-        assert there_m == pytest.approx(150.0, rel=odometer.SCALE_SD)
+        assert there_m == pytest.approx(150.0, rel=odometer_prior.SCALE_SD)
         assert fix.samples_used < 751
 
 

@@ -11,7 +11,7 @@ from app.evaluation.scenario import windows
 from app.numerics.answer import _of_noise
 from app.numerics.geodesy import distance_m as apart_m
 from app.numerics.matching import locate, place
-from app.numerics.posterior import SCORE
+from app.numerics.posterior import SCORE, Known
 from app.numerics.query import ask
 from app.numerics.this_road import DRIFT_TIMES, MUCH, NOISE_TIMES, NOISIER, Likelihoods
 from tests.numerics.cities import city_of, index_of
@@ -75,10 +75,11 @@ def test_what_is_known_beforehand_is_no_less_known_of_a_noisy_device():
     window = next(iter(windows(city_of(cells=6), 1, length_m=30.0))).window
     places = place(index, ask(index, window)).places
     temperature, times, log_prior = 0.4, 3.0, np.array([-2.0, -5.0])
+    known = Known(log_prior, np.ones(2))
     said = places.score.copy()
     places.values[SCORE, -2:] += log_prior * temperature
     held = places.score.copy()
-    louder = _of_noise(places, times, temperature, log_prior)
+    louder = _of_noise(places, times, temperature, known)
     over = temperature * times
     np.testing.assert_allclose(louder.score[-2:] / over, said[-2:] / over + log_prior, rtol=1e-12)
     np.testing.assert_array_equal(louder.score[:-2], said[:-2])

@@ -9,17 +9,23 @@ import pytest
 
 from app.domain import Window
 from app.evaluation.scenario import windows
-from app.numerics import native, odometer
+from app.numerics import native
 from app.numerics.answer import answer, fit_of_place
 from app.numerics.chosen import choose
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.matching import finest_places, locate, place
 from app.numerics.odometer import (
-    factors_for,
-    odometer_of,
+    farther_of,
     peak_width_m,
     stretches_about,
     under_other_factors,
+)
+from app.numerics.odometer_prior import (
+    FEWEST_STEPS,
+    Looked,
+    factors_for,
+    fine_factors,
+    rough_factors,
 )
 from app.numerics.offmap import off_map_probability
 from app.numerics.posterior import Places, masses, raised
@@ -27,7 +33,7 @@ from app.numerics.query import ask
 from tests.numerics.cities import city_of, index_of
 
 WINDOWS = 60
-ANY = odometer_of(None)
+ANY = fine_factors(None, FEWEST_STEPS)
 
 
 def off_by(window: Window, factor: float, error: float | None = None) -> Window:
@@ -50,18 +56,11 @@ def errors_m(factor: float, error: float | None = None) -> np.ndarray:
     return np.array(out).T
 
 
-@pytest.mark.parametrize("error", [None, 0.01, 0.1])
-def test_factors_are_balanced(error):
-    """Of either list: 1 is likelier than said, the mean is 1; of two the spread is right, too."""
-    known = odometer_of(error)
-    exact, scale_sd, errs = (0.35, odometer.SCALE_SD, 0.8) if error is None else (0.0, error, 1.0)
-    for factors in (known.fine, known.rough):
-        middle = 1.0 / (1.0 + np.exp(factors.log_prior).sum())
-        share = middle * np.exp(factors.log_prior)
-        assert middle > exact
-        assert share @ (factors.value - 1.0) == pytest.approx(0.0, abs=1e-12)
-    spread = np.sqrt(share @ (known.rough.value - 1.0) ** 2)
-    assert spread == pytest.approx(scale_sd * np.sqrt(errs))
+def looked_of(index, query) -> Looked | None:
+    """The factors that are worth a look."""
+    straight = straight_of(index, query)
+    width_m = peak_width_m(straight, query.temperature(index.calibration))
+    return factors_for(query.distance_error, query.length_m, width_m)
 
 
 @pytest.mark.parametrize("factor", [0.97, 1.03])
@@ -93,16 +92,7 @@ def test_what_an_odometer_is_known_for_decides():
     assert held[-1] >= 0.9
     assert held[0] < 0.1
     window, _ = windows(city_of(), 1, length_m=30.0)[0]
-    assert place(index_of(), ask(index_of(), off_by(window, 1.0, 0.0))).log_prior is None
-
-
-def test_factors_are_no_farther_apart_than_an_unknown_odometer_s():
-    """However far an odometer may err: between two factors a narrow peak would be lost."""
-    step = np.diff(np.append(ANY.fine.value, 1.0)).max()
-    for error in (0.01, 0.03, 0.05, 0.1):
-        value = np.sort(np.append(odometer_of(error).fine.value, 1.0))
-        assert value[-1] - 1.0 == pytest.approx(1.8 * error)
-        assert np.diff(value).max() <= step + 1e-12
+    assert place(index_of(), ask(index_of(), off_by(window, 1.0, 0.0))).known is None
 
 
 def test_the_definition_knows_factors_too():
@@ -124,10 +114,8 @@ def test_a_place_known_no_better_than_the_factor_moves_it_is_looked_at_once():
     index = index_of(cells=1)
     for window, _ in windows(city_of(cells=1), 10, length_m=4.0):
         query = ask(index, window)
-        assert place(index, query).log_prior is None
-        straight = straight_of(index, query)
-        width_m = peak_width_m(straight, query.temperature(index.calibration))
-        assert factors_for(query, width_m) is None
+        assert place(index, query).known is None
+        assert looked_of(index, query) is None
 
 
 def test_narrow_peaks_have_more_factors_than_wide_ones():
@@ -137,10 +125,10 @@ def test_narrow_peaks_have_more_factors_than_wide_ones():
     for length_m in (10.0, 30.0, 100.0):
         for window, _ in windows(city_of(), 10, length_m=length_m):
             query = ask(index, window)
-            straight = straight_of(index, query)
-            told = factors_for(query, peak_width_m(straight, query.temperature(index.calibration)))
-            found.add(0 if told is None else len(told.value))
-    assert {len(ANY.rough.value), len(ANY.fine.value)} <= found
+            looked = looked_of(index, query)
+            found.add(0 if looked is None else len(looked.near.value))
+    assert {2, 4} <= found
+    assert max(found) > 8
 
 
 def test_places_that_are_not_laid_again_stand_for_every_factor():
@@ -162,13 +150,13 @@ def test_places_that_are_not_laid_again_stand_for_every_factor():
             along &= straight.chainage_m >= first * index.roads[road].step_m - beyond_m
             along &= straight.chainage_m <= last * index.roads[road].step_m + beyond_m
             again[: len(straight)] |= along
-        factors = factors_for(query, peak_width_m(straight, temperature))
-        assert factors is not None
-        known = factors
-        if len(set(others.log_prior)) > len(set(factors.log_prior)):  # one side farther, too
-            assert ANY.farther is not None
-            known = factors.and_then(ANY.farther[0])
-        exact = 1.0 / (1.0 + np.exp(known.log_prior).sum())
+        looked = looked_of(index, query)
+        assert looked is not None
+        factors = looked.near
+        if set(others.known.factor) > set(factors.value):  # one side farther, too
+            assert looked.farther is not None
+            factors = factors.and_then(looked.farther[0])
+        exact = 1.0 / (1.0 + np.exp(factors.log_prior).sum())
         assert others.together == pytest.approx(-np.log(exact))
         np.testing.assert_allclose(gained, np.where(again, 0.0, others.together), atol=1e-9)
         np.testing.assert_array_equal(others.places.where[:, : len(before)], before.where)
@@ -180,11 +168,9 @@ def test_places_that_are_not_laid_again_stand_for_every_factor():
 def test_an_odometer_that_errs_by_far_more_is_looked_for_on_its_side():
     """
     Of windows 8 % too far or short, those whose outermost factor fits about as well as any have
-    two more beyond it, in C and in numpy alike; that is most of them, and few that are exact.
+    some beyond it, in C and in numpy alike; that is most of them, and few that are exact.
     """
     index, asked = index_of(), windows(city_of(), 15, length_m=40.0)
-    assert ANY.farther is not None
-    ends = [set(factors.log_prior) for factors in ANY.farther]
     looked = {}
     for factor in (0.92, 1.0, 1.08):
         looked[factor] = 0
@@ -197,12 +183,12 @@ def test_an_odometer_that_errs_by_far_more_is_looked_for_on_its_side():
             first, last = found[0], found[-1]
             assert first is not None
             assert last is not None
-            np.testing.assert_array_equal(first.log_prior, last.log_prior)
+            np.testing.assert_array_equal(first.known, last.known)
             np.testing.assert_array_equal(first.places.where, last.places.where)
             score = [one.places.score for one in (first, last)]
             np.testing.assert_allclose(*score, rtol=1e-6, atol=1e-4)
             assert first.together == pytest.approx(last.together, abs=1e-12)
-            looked[factor] += bool(ends[0] & set(first.log_prior))
+            looked[factor] += bool((np.abs(first.known.factor - 1.0) > 0.055).any())
     assert looked[0.92] >= 12
     assert looked[1.08] >= 12
     assert looked[1.0] <= 3
@@ -213,15 +199,14 @@ def test_farther_factors_lie_beyond_the_fit_of_the_outermost():
     best = np.array([-1.0, -9.0, -9.0, -9.0])
     assert ANY.farther is not None
     low, high = ANY.farther
-    assert odometer.farther_of(ANY, ANY.fine, best, 0.9) is low
-    assert odometer.farther_of(ANY, ANY.fine, best[::-1], 0.9) is high
-    assert odometer.farther_of(ANY, ANY.fine, best, 1.1) is None
-    assert odometer.farther_of(ANY, ANY.fine, np.array([-3.1, 0.0, -1.0, -2.1]), -5.0) is None
-    assert odometer.farther_of(ANY, ANY.rough, best[:2], -5.0) is None
-    known = odometer_of(0.03)
-    assert odometer.farther_of(known, known.fine, best, -5.0) is None
-    assert np.all(low.value < ANY.fine.value.min())
-    assert np.all(high.value > ANY.fine.value.max())
+    assert farther_of(ANY, best, 0.9) is low
+    assert farther_of(ANY, best[::-1], 0.9) is high
+    assert farther_of(ANY, best, 1.1) is None
+    assert farther_of(ANY, np.array([-3.1, 0.0, -1.0, -2.1]), -5.0) is None
+    assert farther_of(rough_factors(None), best[:2], -5.0) is None
+    assert farther_of(fine_factors(0.03, 2), best, -5.0) is None
+    assert np.all(low.value < ANY.near.value.min())
+    assert np.all(high.value > ANY.near.value.max())
 
 
 def test_the_true_factor_carries_the_mass():
@@ -233,10 +218,9 @@ def test_the_true_factor_carries_the_mass():
         others = under_other_factors(index, query, straight, straight)
         assert others is not None
         mass = masses(others.places, query.temperature(index.calibration))[len(straight) :]
-        assert len(mass) == len(others.log_prior)
-        assert ANY.fine.log_prior[0] == pytest.approx(ANY.fine.log_prior[-1])
-        at = np.flatnonzero(np.diff(others.log_prior))[1] + 1  # two factors under 1, then two over
-        below.append(mass[:at].sum() > mass[at:].sum())
+        assert len(mass) == len(others.known.factor)
+        under = others.known.factor < 1.0
+        below.append(mass[under].sum() > mass[~under].sum())
     assert np.mean(below) > 0.8
 
 
@@ -254,21 +238,37 @@ def test_multiplied_windows_keep_their_readings():
 
 
 def test_what_is_known_of_a_factor_is_no_part_of_the_fit():
-    """Being off the map is told from the readings of the best place, whatever its factor."""
+    """
+    Being off the map is told from the readings of the best place alone, its distances as that
+    place's factor has them.
+    """
     index = index_of()
     seen = set()
     for window, _ in windows(city_of(), 20, length_m=40.0):
         query = ask(index, off_by(window, 1.03), in_c=native.BUILT)
         placed = place(index, query)
-        assert placed.log_prior is not None
+        assert placed.known is not None
         temperature = query.temperature(index.calibration)
-        known = np.zeros(len(placed.places))
-        known[-len(placed.log_prior) :] = placed.log_prior
+        known, factor = np.zeros(len(placed.places)), np.ones(len(placed.places))
+        known[-len(placed.known.log_prior) :] = placed.known.log_prior
+        factor[-len(placed.known.factor) :] = placed.known.factor
         best = int(placed.places.score.argmax())
-        fit = fit_of_place(index, query, raised(placed.places, -temperature * known), best)
-        told = answer(index, query, placed.places, 0.68, placed.log_prior)
+        stretched = query.multiplied(float(factor[best]))
+        fit = fit_of_place(index, stretched, raised(placed.places, -temperature * known), best)
+        told = answer(index, query, placed.places, 0.68, placed.known)
         much = query.information(index.calibration)
         expected = off_map_probability(index.calibration, fit, much)
-        assert told.off_map_posterior == pytest.approx(expected, rel=1e-9)
+        assert told.off_map_posterior == pytest.approx(expected, rel=1e-6)
         seen.add(bool(known[best]))
     assert seen == {False, True}
+
+
+def test_a_window_is_judged_by_its_distances_as_they_fit():
+    """100 m, 5 % too far: on the map as what it is, not as a road that it fits hardly anywhere."""
+    index = index_of()
+    for window, truth in windows(city_of(), 15, length_m=100.0):
+        for factor in (0.95, 1.05):
+            fix = locate(index, off_by(window, factor))
+            assert fix.off_map_posterior < 0.02
+            assert fix.road_id == truth.road_id
+            assert abs(fix.chainage_m - truth.chainage_m) < 1.0

@@ -119,17 +119,28 @@ def test_the_laws_are_those_of_the_book(seed, number, sign, share, temperature):
 
 @built
 @settings(max_examples=100, deadline=None)
-@given(*PLACES)
-def test_the_kernel_says_the_same(seed, number, sign, share, temperature):
-    """For every window, place and temperature."""
+@given(*PLACES, st.sampled_from([1.0, 0.93, 1.04]))
+def test_the_kernel_says_the_same(seed, number, sign, share, temperature, factor):
+    """For every window, place, temperature and factor of the odometer."""
     index, window = gentle_index(seed % 5), a_window(seed)
     road, prior = index.roads[number], index.offset_prior.at(temperature)
     ours, wanted = (
-        weigh(ask(index, window, in_c=in_c), road, sign, share * road.length_m, prior)
+        weigh(ask(index, window, in_c=in_c), road, sign, share * road.length_m, prior, factor)
         for in_c in (True, False)
     )
     assert tuple(ours) == pytest.approx(tuple(wanted), rel=1e-9, abs=1e-9)
     assert ours.judged() == pytest.approx(wanted.judged(), rel=1e-9, abs=1e-9)
+
+
+def test_a_factor_is_the_window_with_its_distances_multiplied():
+    """What is a third too long is as it was, divided."""
+    index = index_of(cells=6)
+    window = next(iter(windows(city_of(cells=6), 1, length_m=30.0))).window
+    road, prior = index.roads[0], index.offset_prior.at(1.0)
+    plain = weigh(ask(index, window), road, 1, 100.0, prior)
+    query = ask(index, window).multiplied(1.5)
+    assert tuple(weigh(query, road, 1, 100.0, prior, 1.0 / 1.5)) == pytest.approx(tuple(plain))
+    assert tuple(weigh(query, road, 1, 100.0, prior)) != pytest.approx(tuple(plain))
 
 
 def test_what_lies_beyond_the_road_says_nothing():

@@ -6,7 +6,7 @@
 
 static double stretch_of(const double *distance_m, ptrdiff_t samples, ptrdiff_t i, double step_m)
 {
-    return rint((distance_m[samples - 1] - distance_m[i]) / step_m);
+    return floor((distance_m[samples - 1] - distance_m[i]) / step_m + 0.5);
 }
 
 ptrdiff_t count_stretches(const double *distance_m, ptrdiff_t samples, double step_m)
