@@ -120,7 +120,7 @@ def fit_of_place(
         number, sign = places.where[:, place].tolist()
         road = own if own is not None and own.number == number else index.roads[number]
         judged = weigh(query, road, sign, float(places.chainage_m[place]), prior, factor).judged()
-    return best_fit((score, *offsets), prior, query.fine, elsewhere, judged)
+    return best_fit((score, *offsets), prior, query.readings, elsewhere, judged)
 
 
 def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:

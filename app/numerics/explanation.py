@@ -185,7 +185,7 @@ def explain(index: MapIndex, window: Window, fix: Fix, *, in_c: bool = native.BU
         features=sight.features(rsrp_dbm),
         reference=reference if reference in query.cells else None,
         fit=_fit(query, answer.told) if query.cells else None,
-        any_road=or_featureless(log_evidence(query.fine)) / _readings(query)
+        any_road=or_featureless(log_evidence(query.fine)) / max(query.readings, 1e-6)
         if query.cells
         else None,
         this_road=this_road,
@@ -281,7 +281,7 @@ def _shares(
 def _fit(query: Query, told: Contributions) -> float:
     """`app.numerics.offmap.Fit.per_reading` at the place."""
     free = 0.5 * told.residual**2 / max(told.weight, 1e-6)
-    return (told.score - told.gain + free) / _readings(query)
+    return (told.score - told.gain + free) / max(query.readings, 1e-6)
 
 
 def _judged(index: MapIndex, query: Query, place: Place) -> tuple[float | None, float]:
@@ -291,8 +291,3 @@ def _judged(index: MapIndex, query: Query, place: Place) -> tuple[float | None, 
     road, prior = index.roads[place.road], query.prior(index)
     factor = factor_beside(index, query, place)
     return weigh(query, road, place.sign, place.chainage_m, prior, factor).judged()
-
-
-def _readings(query: Query) -> float:
-    """How many readings a window has, each counted by its weight."""
-    return max(float((query.fine.weight @ query.fine.heard).sum()), 1e-6)

@@ -30,7 +30,7 @@ try:
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 26  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 27  # a library left by an older version of the code is not used
 
 OUTSIDE_LOG = math.log(OUTSIDE_HEARD)
 

@@ -27,6 +27,9 @@ def without_wild(
     return left_dbm if _native.without_wild(distance_m, rsrp_dbm, *HAMPEL, left_dbm) else rsrp_dbm
 
 
-def listen(told: Told, usual: Float[np.ndarray, " cells"]) -> float:
-    """Twin of `app.numerics.listing.as_listed`, in place; `times_usual`."""
+def listen(told: Told, usual: Float[np.ndarray, " cells"]) -> tuple[float, float]:
+    """
+    Twin of `app.numerics.listing.as_listed`, in place; `times_usual`, and what the readings weigh
+    together.
+    """
     return _native.listen(told.block, told.samples, usual, *RAMP)

@@ -13,7 +13,6 @@ from operator import mul
 from typing import NamedTuple
 
 from app.domain import Calibration
-from app.numerics.observation import Evidence
 from app.numerics.offsets import APART_SHARE, OffsetPrior, offset_gain_at
 
 LEAST, MOST = 0.3, 40.0  # independent samples; beyond these, nothing is learnt
@@ -105,7 +104,7 @@ def known_beforehand(fit: Fit) -> float:
 def best_fit(
     sums: tuple[float, float, float, float],
     prior: OffsetPrior,
-    seen: Evidence,
+    readings: float,
     elsewhere: float,
     judged: tuple[float, float],
 ) -> Fit:
@@ -114,12 +113,13 @@ def best_fit(
 
     Args:
         sums: Score, residual and weight of the best place, and how probably groups are apart there.
+        readings: See `app.numerics.query.Query`.
         elsewhere: Log evidence of its levels on any road.
         judged: Factor and noise, see `Fit`.
     """
     score, residual, weight, apart = sums
     weight = max(weight, 1e-6)
-    readings = max(sum((seen.weight @ seen.heard).tolist()), 1e-6)
+    readings = max(readings, 1e-6)
     offset_db = residual / weight
     return Fit(
         per_reading=(score + _offset_cost(offset_db, weight, prior)) / readings,

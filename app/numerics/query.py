@@ -62,6 +62,7 @@ class Query:
         rsrp_dbm: Their readings of these cells, oldest first, but those that were left out.
         fine: The readings metre by metre.
         group: Number of each cell's group among the window's (`app.numerics.carriers.groups`).
+        readings: How many readings these are, each counted by its sample's weight.
         told: The same for the kernels in C; None = all is worked out with numpy.
         distance_error: Of the window's distances, see `app.domain.Window`.
     """
@@ -72,6 +73,7 @@ class Query:
     rsrp_dbm: Float[np.ndarray, "samples cells"]
     fine: Evidence
     group: Int[np.ndarray, " cells"]
+    readings: float
     told: native.Told | None = None
     distance_error: float | None = None
     _aims: dict[int, Aim] = field(default_factory=dict)
@@ -130,7 +132,8 @@ class Query:
         """The window with its distances so much longer, for numpy; what its samples weigh stays."""
         seen = self.fine
         fine = Evidence(seen.behind_m * factor, seen.rsrp_db, seen.heard, seen.share, seen.weight)
-        return Query(self.cells, self.unknown, self.samples, self.rsrp_dbm, fine, self.group)
+        known = (self.cells, self.unknown, self.samples, self.rsrp_dbm)
+        return Query(*known, fine, self.group, self.readings)
 
     def aim(self, column: Columns, step_m: float, *, joined: bool = False) -> Aim:
         """
@@ -280,9 +283,11 @@ def _read(
         told, fine = native.evidence(
             distance_m, rsrp_dbm, here, FINE_STEP_M, carrier, group.tolist()
         )
-        times = native_readings.listen(told, usual)
+        times, readings = native_readings.listen(told, usual)
     else:
         fine = evidence(distance_m, rsrp_dbm, FINE_STEP_M, carriers.numbers(cells))
         fine, times = as_listed(fine, usual)
+        readings = float((fine.weight @ fine.heard).sum())
     samples = len(distance_m)
-    return Query(cells, unknown, samples, rsrp_dbm, fine, group, told, distance_error), times
+    counted = (fine, group, readings)
+    return Query(cells, unknown, samples, rsrp_dbm, *counted, told, distance_error), times

@@ -68,8 +68,8 @@ def _metres(window: Window, rsrp_dbm: list[dict[str, float]]) -> list[Reading]:
     metres: list[list[int]] = []
     behind_m = window.distance_m[-1] - window.distance_m
     for sample in reversed(range(len(behind_m))):
-        metre = np.rint(behind_m[sample])
-        if metres and np.rint(behind_m[metres[-1][0]]) == metre:
+        metre = math.floor(behind_m[sample] + 0.5)
+        if metres and math.floor(behind_m[metres[-1][0]] + 0.5) == metre:
             metres[-1].append(sample)
         else:
             metres.append([sample])
@@ -168,12 +168,15 @@ def log_likelihood(
     """
     total = 0.0
     for one, weight in zip(found, weights(found), strict=True):
-        at = place - sign * int(np.rint(one.behind_m / model.step_m))
-        if 0 <= at < len(model.mean_dbm):
-            total += weight * _one_place(model, one, at, offset_db, only, new)
-        else:
-            heard = sum(one.share.values())
-            total += HEARING_WEIGHT * weight * heard * math.log(OUTSIDE_HEARD)
+        behind = one.behind_m / model.step_m
+        near = math.floor(behind)
+        for at, share in ((near, 1.0 - (behind - near)), (near + 1, behind - near)):
+            where = place - sign * at
+            if 0 <= where < len(model.mean_dbm):
+                said = _one_place(model, one, where, offset_db, only, new)
+            else:
+                said = HEARING_WEIGHT * sum(one.share.values()) * math.log(OUTSIDE_HEARD)
+            total += share * weight * said
     return total
 
 

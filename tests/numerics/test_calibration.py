@@ -17,7 +17,7 @@ from app.numerics.calibration import (
     _offset_sd_db,
     calibrate,
 )
-from app.numerics.evidence_table import COLUMNS, pack, unpack
+from app.numerics.evidence_table import COLUMNS, pack, shared_of, unpack
 from app.numerics.index import MapIndex
 from app.numerics.matching import locate
 from app.numerics.posterior import Places
@@ -80,7 +80,7 @@ def test_evidence_is_packed_without_loss():
         assert model.evidence.shape[1] == COLUMNS
         windows = unpack(model.evidence)
         assert len(windows) >= 20
-        np.testing.assert_array_equal(pack(windows), model.evidence)
+        np.testing.assert_array_equal(pack(windows, shared_of(model.evidence)), model.evidence)
         for one in windows:
             assert one.rsrp_dbm.shape == (len(one.distance_m), len(one.cells))
             assert one.distance_m[-1] == 0.0

@@ -81,7 +81,8 @@ def test_the_kernel_says_the_same(seed, usual):
     )
     each = usual * np.random.default_rng(seed).uniform(0.5, 1.5, len(query.cells))
     wanted, times = as_listed(dataclasses.replace(seen, share=seen.share.copy()), each)
-    assert native_readings.listen(told, each) == pytest.approx(times, rel=1e-12)
+    readings = float((seen.weight @ seen.heard).sum())
+    assert native_readings.listen(told, each) == pytest.approx((times, readings), rel=1e-12)
     for field in dataclasses.fields(wanted):
         ours = getattr(seen, field.name)
         np.testing.assert_allclose(ours, getattr(wanted, field.name), rtol=1e-12)

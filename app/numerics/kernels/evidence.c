@@ -79,7 +79,7 @@ void gather_evidence(const double *distance_m, const double *rsrp_dbm, ptrdiff_t
 }
 
 double listen_to(double *block, ptrdiff_t samples, ptrdiff_t cells, const double *usual,
-                 double few, double enough, double least)
+                 double few, double enough, double least, double *readings)
 {
     const double *weight = block + samples, *heard = block + (2 + cells) * samples;
     double *share = block + (2 + 2 * cells) * samples, listed = 0.0, usually = 0.0;
@@ -88,6 +88,7 @@ double listen_to(double *block, ptrdiff_t samples, ptrdiff_t cells, const double
             listed += weight[i] * heard[i * cells + k];
             usually += weight[i] * share[i * cells + k] * usual[k];
         }
+    *readings = listed;
     if (!(usually > 0.0))
         return 1.0;
     double times = listed / usually;

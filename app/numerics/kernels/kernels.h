@@ -173,7 +173,7 @@ ptrdiff_t leave_out_wild(const double *distance_m, const double *rsrp_dbm, ptrdi
 
 /* In place, what silence counts for; how many times the usual cells: app.numerics.listing. */
 double listen_to(double *block, ptrdiff_t samples, ptrdiff_t cells, const double *usual,
-                 double few, double enough, double least);
+                 double few, double enough, double least, double *readings);
 
 /* elsewhere.c */
 int weigh_elsewhere(const double *block, ptrdiff_t samples, ptrdiff_t cells, const Field *field,

@@ -120,12 +120,13 @@ static PyObject *listen(PyObject *self, PyObject *const *arguments, Py_ssize_t g
     double *block = array(&call, 'd', WRITE, 1, room);
     ptrdiff_t samples = whole(&call);
     const double *usual = array(&call, 'd', READ, 1, cells);
-    double few = number(&call), enough = number(&call), least = number(&call), times = 1.0;
+    double few = number(&call), enough = number(&call), least = number(&call);
+    double times = 1.0, readings = 0.0;
     demand(&call, samples >= 1 && 2 + 3 * cells[0] <= room[0] / samples,
            "the block holds fewer numbers");
     if (!call.failed)
-        times = listen_to(block, samples, cells[0], usual, few, enough, least);
-    return release(&call, call.failed ? NULL : PyFloat_FromDouble(times));
+        times = listen_to(block, samples, cells[0], usual, few, enough, least, &readings);
+    return release(&call, call.failed ? NULL : Py_BuildValue("dd", times, readings));
 }
 
 static PyObject *this_road(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
@@ -486,7 +487,7 @@ static PyMethodDef methods[] = {
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 26);
+    return PyModule_AddIntConstant(module, "VERSION", 27);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};
