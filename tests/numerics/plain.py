@@ -168,10 +168,9 @@ def log_likelihood(
     """
     total = 0.0
     for one, weight in zip(found, weights(found), strict=True):
-        behind = one.behind_m / model.step_m
-        near = math.floor(behind)
-        for at, share in ((near, 1.0 - (behind - near)), (near + 1, behind - near)):
-            where = place - sign * at
+        beyond, near = math.modf(one.behind_m / model.step_m)
+        for at, share in ((near, 1.0 - beyond), (near + 1.0, beyond)):
+            where = place - sign * int(at)
             if 0 <= where < len(model.mean_dbm):
                 said = _one_place(model, one, where, offset_db, only, new)
             else:
