@@ -107,9 +107,8 @@ def fit_of_place(
         return None
     score, *offsets = places.values[SCORE:, place].tolist()
     prior, calibration, elsewhere = query.prior(index), index.calibration, 0.0
-    last = -1 if known is None else place - len(places) + len(known.log_prior)
     factor = 1.0
-    if known is not None and last >= 0:
+    if known is not None and (last := place - len(places) + len(known.log_prior)) >= 0:
         score -= query.temperature(calibration) * float(known.log_prior[last])
         factor = float(known.factor[last])
     judged = 0.0, 1.0
