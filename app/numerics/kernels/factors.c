@@ -85,7 +85,8 @@ int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined
     f->hearing = likelihood->hearing;
     Said *said = f->said;
     for (ptrdiff_t i = 0; i < told->samples; i++) {
-        double share = 0.0, behind = column_behind(told->behind_m[i] * (1.0 / step_m), joined, &share);
+        double share = 0.0, columns = told->behind_m[i] * (1.0 / step_m);
+        double behind = column_behind(columns, joined, &share);
         if (!(fabs(behind) < MOST_COLUMNS))
             return OUT_OF_BOUNDS;
         if (!joined || f->samples == 0 || f->behind[f->samples - 1] != (ptrdiff_t)behind) {

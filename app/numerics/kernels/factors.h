@@ -26,7 +26,8 @@ typedef struct {
     void *memory; /* all of it: to be freed */
 } Factors;
 
-/* Twin of Query.aim; samples are at the nearest column and those of one joined when that is wished. */
+/* Twin of Query.aim; samples are taken to the nearest column, and those of one are joined, when that
+ * is wished. */
 int aim(Factors *f, const Told *told, ptrdiff_t cells, double step_m, int joined,
         const Likelihood *likelihood);
 
