@@ -119,10 +119,6 @@ def fine_factors(distance_error: float | None, steps: int) -> Looked:
     return Looked(every.take(slice(ends[0])), farther, every)
 
 
-def _rough(scale_sd: float, err: float) -> Factors:
-    return Factors.of(1.0 + scale_sd * np.array(ROUGH_SDS), np.full(2, err * ROUGH_SHARE))
-
-
 def _shares(sds: Float[np.ndarray, " factors"]) -> Float[np.ndarray, " factors"]:
     """Of a normal prior, that of each factor, so many standard deviations away; the rest is 1's."""
     density = np.exp(-0.5 * sds**2)

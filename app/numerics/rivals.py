@@ -54,9 +54,11 @@ def _round_corners(index: MapIndex, query: Query, near: Place, chainage_m: float
 
 def factor_beside(index: MapIndex, query: Query, answer: Place) -> float:
     """What the window's distances are multiplied by where it fits best beside the answer."""
+    if answer.way is not None:
+        return 1.0
     placed = place(index, query)
     places, known = placed.places, placed.known
-    if answer.way is not None or known is None:
+    if known is None:
         return 1.0
     beside = np.abs(places.chainage_m - answer.chainage_m) <= PEAK_M
     beside &= (places.road == answer.road) & (places.sign == answer.sign)

@@ -69,15 +69,21 @@ static ptrdiff_t join_spots(const Spot *spots, ptrdiff_t count, const double *st
     return rows;
 }
 
+static double highest(const double *score, ptrdiff_t count)
+{
+    double top = -INFINITY;
+    for (ptrdiff_t i = 0; i < count; i++)
+        top = score[i] > top ? score[i] : top;
+    return top;
+}
+
 /* How wide the peak is and, unless that is too wide, the stretches about the places that carry
  * mass; `found` has room for as many as there are places. */
 ptrdiff_t stretches_about(const Places *places, const double *step_m, const int64_t *size,
                           ptrdiff_t roads, const Heavy *heavy, double *width_m, Laid *found)
 {
     const double *score = places->values + SCORE * places->count;
-    double top = -INFINITY;
-    for (ptrdiff_t i = 0; i < places->count; i++)
-        top = score[i] > top ? score[i] : top;
+    double top = highest(score, places->count);
     *width_m = 0.0;
     for (ptrdiff_t i = 0; i < places->count; i++)
         if (score[i] >= top - heavy->within)
@@ -217,14 +223,6 @@ static double stand_for_all(const Laid *stretches, ptrdiff_t count, const Hypoth
             score[i] += factors->temperature * together;
     }
     return together;
-}
-
-static double highest(const double *score, ptrdiff_t count)
-{
-    double top = -INFINITY;
-    for (ptrdiff_t i = 0; i < count; i++)
-        top = score[i] > top ? score[i] : top;
-    return top;
 }
 
 /* Which side's farther factors are worth a look, 0 or 1; -1 = none. Twin of `farther_of`. */
