@@ -1,5 +1,5 @@
 """
-What bounds the error: `python -m benchmarks.bounds [SCENARIO] [--seeds N] [--windows N]`.
+What bounds the error: `python -m benchmarks.bounds [SCENARIO] [--untold] [--seeds N]`.
 
 The same windows are asked of three maps: the one fitted to the survey; the scenario's own curves as
 they were on the survey's day; and those as they are when the vehicles drive, drift included. What
@@ -7,7 +7,9 @@ the last one leaves is in the windows: noise, the device's offset, the odometer.
 best that any method can do with this survey (`app.evaluation.survey_bound`), which takes cells not
 heard to say nothing; the same with readings below the sensitivity reported, too, which knows more
 than there is to know, so that the truth lies between the two; and the Cramer-Rao bound's mean
-error. Windows of 30 m that end anywhere, or of 10 s where samples come by the clock.
+error. How often the true place lies within its 68 and 95 % intervals is told as well, and with
+`--untold` the same of whoever is not told how far odometers err, as no map is: it takes twice as
+long again. Windows of 30 m that end anywhere, or of 10 s where samples come by the clock.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from app.evaluation.experiments.plan import WINDOW_M, WINDOW_S
 from app.evaluation.scenario import build_city, preset, survey, windows
 from app.evaluation.scenario.city import City, RoadTruth
 from app.evaluation.scenario.params import Scenario
-from app.evaluation.survey_bound import best_answers
+from app.evaluation.survey_bound import ANY, Odometers, best_answers
 from app.evaluation.truth import Labelled
 from app.numerics.calibration import calibrate
 from app.numerics.exhaustive import locate_exhaustively
@@ -40,6 +42,10 @@ CELLS = (2, 4, 6)
 STEP_M = 0.125  # between places: half of it moves the least mean error of 0.12 m by 1 %
 CLOCK_STEP_M = 0.5  # by the clock errors are ten times that: half of it moves none
 ALL_HEARD_DBM = -200.0
+CONFIDENCES = (0.68, 0.95)
+# Error in metres, whether the road is right, and of the best possible answers whether each interval
+# holds the truth.
+Row = tuple[float | bool, ...]
 
 
 def main() -> None:
@@ -48,8 +54,10 @@ def main() -> None:
     parser.add_argument("scenario", nargs="?", default="harsh")
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--windows", type=int, default=WINDOWS)
+    parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
+    parser.add_argument("--untold", action="store_true", help="and not told of odometers")
     chosen = parser.parse_args()
-    seeds = range(FIRST_SEED, FIRST_SEED + chosen.seeds)
+    seeds = range(chosen.first_seed, chosen.first_seed + chosen.seeds)
     kind = "10 s" if by_clock(preset(chosen.scenario)) else "30 m"
     print(
         f"{chosen.scenario}, windows of {kind} anywhere, "
@@ -57,7 +65,7 @@ def main() -> None:
     )
     for cells in CELLS:
         scenario = replace(preset(chosen.scenario), cells=cells)
-        rows: dict[str, list[tuple[float, bool]]] = {}
+        rows: dict[str, list[Row]] = {}
         least_m: list[float] = []
         for seed in seeds:
             city = build_city(scenario, seed)
@@ -65,6 +73,9 @@ def main() -> None:
             for name, index in maps_of(city, scenario):
                 rows.setdefault(name, []).extend(answers(index, asked))
             rows.setdefault("best with this survey", []).extend(best(city, asked))
+            if chosen.untold:
+                untold = best(city, asked, odometers=ANY)
+                rows.setdefault("best, odometers untold", []).extend(untold)
             bare = build_city(replace(scenario, sensitivity_dbm=ALL_HEARD_DBM), seed)
             best_bare = best(bare, asked_of(bare, chosen.windows))
             rows.setdefault("best, were all heard", []).extend(best_bare)
@@ -86,17 +97,19 @@ def asked_of(city: City, count: int) -> list[Labelled]:
     return windows(city, count, length_m=WINDOW_M)
 
 
-def best(city: City, asked: Sequence[Labelled]) -> list[tuple[float, bool]]:
-    """Error and road of the best possible answers."""
+def best(city: City, asked: Sequence[Labelled], odometers: Odometers | None = None) -> list[Row]:
+    """Error and road of the best possible answers, and which of their intervals hold the truth."""
     step_m = CLOCK_STEP_M if by_clock(city.scenario) else STEP_M
-    found = best_answers(city, [one.window for one in asked], step_m=step_m)
-    return [
-        (
-            float(distance_m(answer.lon, answer.lat, one.truth.lon, one.truth.lat)),
-            answer.road_id == one.truth.road_id,
-        )
-        for answer, one in zip(found, asked, strict=True)
-    ]
+    told = [one.window for one in asked]
+    found = best_answers(city, told, step_m=step_m, confidences=CONFIDENCES, odometers=odometers)
+    rows: list[Row] = []
+    for answer, one in zip(found, asked, strict=True):
+        truth = one.truth
+        right = answer.road_id == truth.road_id
+        held = [right and low <= truth.chainage_m <= high for low, high in answer.intervals_m]
+        error_m = float(distance_m(answer.lon, answer.lat, truth.lon, truth.lat))
+        rows.append((error_m, right, *held))
+    return rows
 
 
 def cramer_rao_m(city: City, one: Labelled) -> float:
@@ -165,9 +178,9 @@ def normal(z: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
     return np.asarray(0.5 * (1.0 + np.vectorize(math.erf)(z / math.sqrt(2.0))))
 
 
-def answers(index: MapIndex, asked: Sequence[Labelled]) -> list[tuple[float, bool]]:
+def answers(index: MapIndex, asked: Sequence[Labelled]) -> list[Row]:
     """Error in metres, and whether the road is right, of each window."""
-    found = []
+    found: list[Row] = []
     for one in asked:
         fix = locate_exhaustively(index, one.window)
         error_m = float(distance_m(fix.lon, fix.lat, one.truth.lon, one.truth.lat))
@@ -175,12 +188,16 @@ def answers(index: MapIndex, asked: Sequence[Labelled]) -> list[tuple[float, boo
     return found
 
 
-def described(row: Sequence[tuple[float, bool]]) -> str:
+def described(rows: Sequence[Row]) -> str:
     """A line of figures."""
-    error_m, road = np.array(row, dtype=float).T
+    error_m, road, *held = np.array(rows, dtype=float).T
+    within = "".join(
+        f"  {confidence:.0%} interval holds {each.mean():.1%}"
+        for confidence, each in zip(CONFIDENCES, held, strict=False)
+    )
     return (
-        f"{len(row)} windows  MDE {error_m.mean():6.3f} m  median {np.median(error_m):6.3f} m  "
-        f"road {road.mean():.1%}"
+        f"{len(rows)} windows  MDE {error_m.mean():6.3f} m  median {np.median(error_m):6.3f} m  "
+        f"road {road.mean():.1%}{within}"
     )
 
 

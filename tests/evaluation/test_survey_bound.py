@@ -9,7 +9,7 @@ import pytest
 
 from app.evaluation.bound import MEAN_ABSOLUTE, least_sd_m
 from app.evaluation.scenario import build_city, preset, windows
-from app.evaluation.survey_bound import best_answers, on_map_log
+from app.evaluation.survey_bound import ANY, Odometers, best_answers, on_map_log
 from app.evaluation.survey_bound.curves import Curve, field_covariance_db2
 from app.evaluation.survey_bound.places import Terms, law_at
 from app.evaluation.survey_bound.roads import (
@@ -199,7 +199,8 @@ def test_the_interval_holds_the_truth_as_often_as_it_says():
         for answer, one in zip(
             best_answers(city, [each.window for each in found], step_m=0.5), found, strict=True
         ):
-            held.append(answer.low_m <= one.truth.chainage_m <= answer.high_m)
+            ((low_m, high_m),) = answer.intervals_m
+            held.append(low_m <= one.truth.chainage_m <= high_m)
             right.append(answer.road_id == one.truth.road_id)
             expected_m.append(answer.expected_error_m)
             place = (answer.lon, answer.lat, one.truth.lon, one.truth.lat)
@@ -237,3 +238,29 @@ def test_what_the_law_does_not_cover_is_refused():
 def test_readings_have_noise_and_rounding():
     """A step of q dB counts as variance q^2 / 12."""
     assert reading_variance_db2(preset("paper")) == pytest.approx(4.0 + 1.0 / 12.0)
+
+
+def test_odometers_are_of_their_kinds():
+    """All factors together are as probable as the scale that an odometer has, whatever it says."""
+    ((factor, log_density),) = Odometers.alike(0.0).factors(np.ones(2))
+    assert factor == 1.0
+    assert log_density.tolist() == [0.0, 0.0]
+    found = list(ANY.factors(np.array([1.0, 1.05])))
+    values = np.array([factor for factor, _ in found])
+    density = np.exp([log for _, log in found]).T
+    apart = values[1] - values[0]
+    assert (density.sum(axis=1) * apart) == pytest.approx([1.0, 1.0], rel=0.06)
+    exact = dict(ANY.kinds)[0.0]
+    assert density[0, np.abs(values - 1.0).argmin()] * apart > exact
+    assert values[density[1].argmax()] == pytest.approx(1.05, abs=apart)
+
+
+def test_who_is_not_told_of_odometers_expects_to_err_more():
+    """The same windows, whose odometers are exact."""
+    city = build_city(replace(preset("paper"), sample_interval_m=2.0), 5)
+    found = [one.window for one in windows(city, 20, length_m=20.0)]
+    told, untold = (
+        best_answers(city, found, step_m=0.5, odometers=odometers) for odometers in (None, ANY)
+    )
+    expected_m = [np.mean([one.expected_error_m for one in answers]) for answers in (told, untold)]
+    assert expected_m[1] > 1.1 * expected_m[0]

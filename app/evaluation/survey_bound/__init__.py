@@ -10,11 +10,13 @@ thing it lets be: that a cell was *not* heard is taken to say nothing. Asked of 
 receivers hear everything it knows more than a method can; the true bound lies between the two.
 
 `curves` says what readings leave open of a cell's level, `roads` what the survey leaves open of
-every road, `places` how probable a window's readings are at each place, `best` what to answer, and
-`strangers` how likely a window is to come from none of these roads.
+every road, `odometers` what distances may be, `places` how probable a window's readings are at each
+place, `best` what to answer, and `strangers` how likely a window is to come from none of these
+roads.
 """
 
 from app.evaluation.survey_bound.best import Best, best_answers
+from app.evaluation.survey_bound.odometers import ANY, Odometers
 from app.evaluation.survey_bound.strangers import on_map_log
 
-__all__ = ["Best", "best_answers", "on_map_log"]
+__all__ = ["ANY", "Best", "Odometers", "best_answers", "on_map_log"]

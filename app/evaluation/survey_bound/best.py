@@ -1,11 +1,10 @@
 """
 The best possible answers: the posterior over every road, direction and place, and its middle.
 
-Windows are equally probable along all roads, both ways. The true distance between samples is a
-factor f of the nominal one, evenly likely within three standard deviations of the odometer's error
-about 1; the odometer says o times the nominal one, which is as probable under f as ``o / f`` is of
-an odometer's scale. That vehicles in truth all drive alike is not told. Of the places the one is
-answered whose expected distance from where the window ends is least (the geometric median).
+Windows are equally probable along all roads, both ways, and under each factor that their odometers
+may err by (`app.evaluation.survey_bound.odometers`); that vehicles in truth all drive alike is not
+told. Of the places the one is answered whose expected distance from where the window ends is least
+(the geometric median).
 """
 
 from __future__ import annotations
@@ -18,13 +17,12 @@ from jaxtyping import Float, Int
 
 from app.domain import Direction, Window
 from app.evaluation.scenario.city import City, RoadTruth
-from app.evaluation.scenario.params import Scenario
+from app.evaluation.survey_bound.odometers import Odometers
 from app.evaluation.survey_bound.places import Law, Terms, law_at
 from app.evaluation.survey_bound.roads import CurvesOn, reading_variance_db2, surveyed_curves
 from app.numerics.geodesy import LocalFrame
 from app.numerics.lines import point_at
 
-FACTORS = 19  # of the travelled distance, over six standard deviations: a third of one apart
 NEGLIGIBLE = 1e-9  # places with less of the posterior than this share of the best are left out
 ROUNDS = 100  # of Weiszfeld's iteration, at most
 SETTLED_M = 1e-4
@@ -39,7 +37,7 @@ class Best:
     Attributes:
         road_id, direction: The most probable.
         chainage_m: The middle of the posterior on that road and direction.
-        low_m, high_m: The central interval there, of the confidence asked for.
+        intervals_m: The central intervals there, of the confidences asked for.
         probability: Of that road and direction.
         lon, lat: The place of least expected distance, over all roads.
         expected_error_m: That distance: the mean error of such answers, if the law is right.
@@ -48,8 +46,7 @@ class Best:
     road_id: str
     direction: Direction
     chainage_m: float
-    low_m: float
-    high_m: float
+    intervals_m: tuple[tuple[float, float], ...]
     probability: float
     lon: float
     lat: float
@@ -79,14 +76,21 @@ class Told:
     Attributes:
         rsrp_dbm: Their readings; NaN where a cell was not heard.
         odometer: The length that each one's odometer says, over the nominal one.
+        odometers: What these are known to be.
     """
 
     rsrp_dbm: Float[np.ndarray, "samples windows cells"]
     odometer: Float[np.ndarray, " windows"]
+    odometers: Odometers
 
 
 def best_answers(
-    city: City, windows: Sequence[Window], *, step_m: float = 0.25, confidence: float = 0.68
+    city: City,
+    windows: Sequence[Window],
+    *,
+    step_m: float = 0.25,
+    confidences: Sequence[float] = (0.68,),
+    odometers: Odometers | None = None,
 ) -> list[Best]:
     """
     The best possible answer to each window, given the city's survey and the law it was drawn from.
@@ -96,6 +100,8 @@ def best_answers(
     Args:
         windows: All of one length, a sample every ``spacing_m`` of the scenario.
         step_m: Spacing of the places; errors below it are not seen.
+        confidences: Of the intervals.
+        odometers: What is told of them; None = how far the city's err.
 
     Raises:
         ValueError: Windows of several lengths, or roads that hear different cells: then which
@@ -103,7 +109,7 @@ def best_answers(
     """
     if not windows:
         return []
-    told = told_by(city, windows)
+    told = told_by(city, windows, odometers)
     parts = [
         part
         for number, truth in enumerate(city.roads)
@@ -116,13 +122,16 @@ def best_answers(
     )
     plane = _Plane.of(city, ends)
     return [
-        _answer(city, ends, plane, number, step_m, confidence) for number in range(len(windows))
+        _answer(city, ends, plane, number, step_m, confidences) for number in range(len(windows))
     ]
 
 
-def told_by(city: City, windows: Sequence[Window]) -> Told:
+def told_by(city: City, windows: Sequence[Window], odometers: Odometers | None = None) -> Told:
     """
     The windows in the order of the city's cells, and what their odometers say.
+
+    Args:
+        odometers: See `best_answers`.
 
     Raises:
         ValueError: See `best_answers`.
@@ -135,7 +144,8 @@ def told_by(city: City, windows: Sequence[Window]) -> Told:
         raise ValueError(f"windows of {sizes[0]} to {sizes[-1]} samples")
     said = np.array([np.ptp(window.distance_m) for window in windows])
     said /= (sizes[0] - 1) * city.scenario.spacing_m
-    return Told(np.stack([_columns(window, cells) for window in windows], axis=1), said)
+    rsrp_dbm = np.stack([_columns(window, cells) for window in windows], axis=1)
+    return Told(rsrp_dbm, said, odometers or Odometers.alike(city.scenario.odometer_error_sd))
 
 
 def _columns(window: Window, cells: tuple[str, ...]) -> Float[np.ndarray, "samples cells"]:
@@ -166,7 +176,7 @@ def ends_on(
     scenario = city.scenario
     curves = curves_on(city, truth)
     travelled_m = np.arange(len(told.rsrp_dbm)) * scenario.spacing_m
-    for factor, log_weight in _factors(scenario, told.odometer):
+    for factor, log_weight in told.odometers.factors(told.odometer):
         room_m = truth.length_m - factor * travelled_m[-1]
         if room_m < 0:
             continue
@@ -179,18 +189,6 @@ def ends_on(
             end_m = at_m[:, -1] if direction is Direction.FORWARD else first_m
             group = np.full(len(end_m), 2 * number + way)
             yield Ends(group, end_m, (density + log_weight).astype(np.float32))
-
-
-def _factors(
-    scenario: Scenario, said: Float[np.ndarray, " windows"]
-) -> Iterator[tuple[float, Float[np.ndarray, " windows"]]]:
-    """Factors of the nominal distance, with the log density of what each odometer said."""
-    sd = scenario.odometer_error_sd
-    if sd <= 0:
-        yield 1.0, np.zeros(len(said))
-        return
-    for factor in 1.0 + sd * np.linspace(-3.0, 3.0, FACTORS):
-        yield float(factor), -0.5 * ((said / factor - 1.0) / sd) ** 2
 
 
 def _log_density(
@@ -225,7 +223,12 @@ class _Plane:
 
 
 def _answer(
-    city: City, ends: Ends, plane: _Plane, number: int, step_m: float, confidence: float
+    city: City,
+    ends: Ends,
+    plane: _Plane,
+    number: int,
+    step_m: float,
+    confidences: Sequence[float],
 ) -> Best:
     log = ends.log_density[:, number].astype(float)
     share = np.exp(log - log.max())
@@ -235,10 +238,9 @@ def _answer(
     mass = np.bincount(group, share)
     best = int(mass.argmax())
     here = group == best
-    tail = 0.5 - 0.5 * confidence
-    low_m, middle_m, high_m = _quantiles(
-        chainage_m[here], share[here], np.array([tail, 0.5, 1.0 - tail])
-    )
+    half = 0.5 * np.array(confidences)
+    wanted = np.concatenate(([0.5], 0.5 - half, 0.5 + half))
+    middle_m, *ends_m = _quantiles(chainage_m[here], share[here], wanted)
     truth = city.roads[best // 2]
     start = point_at(truth.line, middle_m)
     at = plane.frame.to_xy(start.lon, start.lat)
@@ -250,8 +252,7 @@ def _answer(
         truth.road_id,
         WAYS[best % 2],
         middle_m,
-        low_m,
-        high_m,
+        tuple(zip(ends_m[: len(half)], ends_m[len(half) :], strict=True)),
         float(mass[best]),
         float(place.lon),
         float(place.lat),
