@@ -1,6 +1,7 @@
 # What app/numerics/kernels/module.c offers; app.numerics.native says what it is for.
 
-from typing import Any, TypeAlias
+from collections.abc import Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,8 @@ Floats: TypeAlias = NDArray[np.float64]
 Singles: TypeAlias = NDArray[np.float32]
 Wholes: TypeAlias = NDArray[np.signedinteger[Any]]
 Likelihood: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+
+_Kind = TypeVar("_Kind")
 
 VERSION: int
 
@@ -115,6 +118,28 @@ def heaviest(
     kept: Wholes,
     /,
 ) -> tuple[int, bool, float]: ...
+def with_neighbours(
+    number: Wholes, rows: Wholes, here: Wholes, scores: int, found: Wholes, /
+) -> int: ...
+def stretches_of_coarse(
+    chainage_m: Floats,
+    road: Wholes,
+    sign: Wholes,
+    step_m: float,
+    joined_m: float,
+    roads_step_m: Floats,
+    size: Wholes,
+    /,
+) -> list[tuple[int, int, int, int]]: ...
+def candidates(
+    kind: type[_Kind],
+    rivals: Sequence[tuple[int, int, int, float, float, float, float]],
+    names: tuple[str, ...],
+    forward: object,
+    backward: object,
+    share: float,
+    /,
+) -> tuple[_Kind, ...]: ...
 def rest(
     score: Singles,
     runs: Wholes,

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from app.domain import Candidate, Direction, Fix
+from app.numerics import native_summary
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.offmap import (
     ELSEWHERE,
@@ -16,10 +19,7 @@ from app.numerics.offsets import offset_db
 from app.numerics.posterior import APART, RESIDUAL, SCORE, Known, Places
 from app.numerics.query import Query
 from app.numerics.summary import Rival, summarise
-from app.numerics.tapes import BOTH
 from app.numerics.this_road import weigh
-
-_new = tuple.__new__  # a window that fits everywhere names a thousand: a third of the time
 
 
 def answer(
@@ -44,11 +44,14 @@ def answer(
     if fit is not None and fit.noise > 1.0:
         places = _of_noise(places, fit.noise, temperature, known)
         temperature *= fit.noise
-    told = summarise(index, places, temperature, confidence, in_c=query.told is not None)
+    in_c = query.told is not None
+    told = summarise(index, places, temperature, confidence, in_c=in_c)
     road, sign = index.roads[told.road], int(places.sign[told.peak])
     segment = road.segment_at(told.chainage_m)
     residual, weight = places.values[RESIDUAL:APART, told.peak].tolist()
-    candidates = _candidates(index, told.rivals, 1.0 - off_map)
+    on_map = (1.0 - off_map) / sum([rival[3] for rival in told.rivals])
+    named = native_summary.candidates if in_c else as_candidates
+    candidates = named(told.rivals, index.road_ids, on_map)
     return Fix(
         map_version=index.version,
         off_map=off_map > 0.5,
@@ -122,14 +125,19 @@ def fit_of_place(
     return best_fit((score, *offsets), prior, query.readings, elsewhere, judged)
 
 
-def _candidates(index: MapIndex, rivals: list[Rival], on_map: float) -> tuple[Candidate, ...]:
-    """The rivals with what is on the map shared among them."""
-    share = on_map / sum([rival[3] for rival in rivals])
-    names, ways = index.road_ids, {sign: _direction(sign) for sign in BOTH}
+def as_candidates(
+    rivals: Sequence[Rival], names: tuple[str, ...], share: float
+) -> tuple[Candidate, ...]:
+    """
+    The rivals by their roads' names.
+
+    Args:
+        share: What the masses are multiplied by.
+    """
     return tuple(
         [
-            _new(Candidate, (names[road], segment, ways[sign], mass * share, chainage_m, lon, lat))
-            for road, segment, sign, mass, chainage_m, lon, lat in rivals
+            Candidate(names[road], segment, _direction(sign), mass * share, *place)
+            for road, segment, sign, mass, *place in rivals
         ]
     )
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from app.numerics import native
+from app.numerics import native_chosen
 from app.numerics.coarse import (
     FLANK,
     LEFT_OUT,
@@ -58,11 +58,6 @@ class Chosen:
     whole: bool
     rows: Int[np.ndarray, " aligned"]
 
-    @property
-    def covered(self) -> Int[np.ndarray, " covered"]:
-        """Those and the ones beside them: what aligning says all of."""
-        return self.every.with_neighbours(self.rows)
-
 
 def choose(index: MapIndex, query: Query, *, strays: bool = False) -> tuple[Chosen, list[Corner]]:
     """
@@ -77,7 +72,7 @@ def choose(index: MapIndex, query: Query, *, strays: bool = False) -> tuple[Chos
     if not may_turn(index, query, strays=strays):
         every = score_roads(index, query, tapes_of(index, query), None)
         found = _worth_aligning(index, query, every.score)
-        return _chosen(every, found.rows, whole=found.whole), []
+        return _chosen(query, every, found.rows, whole=found.whole), []
     tapes = tapes_of(index, query)
     laid = lay(index, query, size_of(query), tapes)
     every = score_roads(index, query, tapes, laid)
@@ -93,18 +88,18 @@ def choose(index: MapIndex, query: Query, *, strays: bool = False) -> tuple[Chos
     at = int(rows.searchsorted(best))
     if at == len(rows) or rows[at] != best:
         rows = np.insert(rows, at, best)
-    return _chosen(every, rows, whole=found.whole), corners
+    return _chosen(query, every, rows, whole=found.whole), corners
 
 
 def _worth_aligning(index: MapIndex, query: Query, rank: np.ndarray) -> Heaviest:
-    keep = heaviest if query.told is None else native.heaviest
+    keep = heaviest if query.told is None else native_chosen.heaviest
     return keep(rank, flattened(index, query), (LEFT_OUT, 1.0 - LOOKED_AT), MOST_ALIGNED)
 
 
-def _chosen(every: Scored, rows: np.ndarray, *, whole: bool) -> Chosen:
+def _chosen(query: Query, every: Scored, rows: np.ndarray, *, whole: bool) -> Chosen:
     """Where more carries the posterior than is aligned, those beside are aligned, too."""
     for _ in range(0 if whole else FLANK):
-        rows = every.with_neighbours(rows)
+        rows = every.with_neighbours(rows, in_c=query.told is not None)
     return Chosen(every, every.take(rows), whole, rows)
 
 
@@ -172,9 +167,11 @@ def rest_of(
     temperature = query.temperature(index.calibration)
     aligned_m = float(np.exp((aligned.score - highest) / temperature) @ aligned.width_m)
     scale = Scale(temperature, every.step_m, highest, aligned_m)
-    if query.told is None:
-        rest = sum_rest(every.score, runs, chosen.covered, scale)
-    else:
+    in_c = query.told is not None
+    covered = every.with_neighbours(chosen.rows, in_c=in_c)  # what aligning says all of
+    if in_c:
         against = (temperature, every.step_m, highest, aligned_m)
-        rest = Rest(*native.rest(every.score, runs, chosen.covered, against, UNNAMED))
+        rest = Rest(*native_chosen.rest(every.score, runs, covered, against, UNNAMED))
+    else:
+        rest = sum_rest(every.score, runs, covered, scale)
     return every.take(rest.best), rest.width_m

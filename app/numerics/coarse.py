@@ -9,7 +9,7 @@ from itertools import accumulate
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
-from app.numerics import native
+from app.numerics import native, native_chosen
 from app.numerics.alignment import score_positions
 from app.numerics.corners import Laid, LaidArms, score_arms
 from app.numerics.index import MapIndex
@@ -138,7 +138,7 @@ def _kept(
 ) -> tuple[Int[np.ndarray, " kept"], Bool[np.ndarray, " kept"] | None]:
     """Positions that hold all but `LEFT_OUT`, and which of them to align; None = all."""
     flat = flattened(index, query)
-    keep = kept_by_mass if query.told is None else native.kept_by_mass
+    keep = kept_by_mass if query.told is None else native_chosen.kept_by_mass
     rows = keep(rank, flat, LEFT_OUT, MOST_KEPT)
     if len(rows) <= MOST_ALIGNED:
         return rows, None
@@ -192,9 +192,13 @@ class Scored:
         """Which position is the first of each sub-segment and direction."""
         return joined_runs(self.levels)
 
-    def with_neighbours(self, rows: Int[np.ndarray, " chosen"]) -> Int[np.ndarray, " more"]:
+    def with_neighbours(
+        self, rows: Int[np.ndarray, " chosen"], *, in_c: bool
+    ) -> Int[np.ndarray, " more"]:
         """Indices of the positions at these, increasing, and of those beside them on a road."""
         number, here = self.every.number, self._numbers(rows)
+        if in_c:
+            return native_chosen.with_neighbours(number, rows, here, len(self.score))
         own = number[here]
         marked = np.zeros(len(self.score), dtype=bool)
         marked[rows] = True

@@ -33,14 +33,13 @@ from app.numerics.posterior import (
 )
 from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
-from app.numerics.stretches import Stretch, lay
+from app.numerics.stretches import lay, stretches_of
 
 __all__ = ["COARSE_FLATTENING", "Coarse", "fine_places", "locate", "place", "shortlist"]
 
 TURN_LOG = float(np.log(TURN_SHARE))
 STRAYS = 0.01  # chance of being off the map from which a short window is laid round corners
 OFF_M = 5.0  # from a junction: a window that ends there may have turned just before
-JOINED_STEPS = 2.5  # stretches closer than this are aligned in one product
 
 
 def locate(
@@ -139,8 +138,8 @@ def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
     """
     closer = kept.closer
     if closer is None or closer.all():
-        return lay(index, query, _stretches(index, kept))
-    aligned = lay(index, query, _stretches(index, kept.take(closer.nonzero()[0])))
+        return lay(index, query, stretches_of(index, query, kept))
+    aligned = lay(index, query, stretches_of(index, query, kept.take(closer.nonzero()[0])))
     rest = kept.take((~(closer | neighbours(closer, kept.beside))).nonzero()[0])
     return joined(index, aligned, rest, np.full(len(rest.score), kept.step_m), aligned)
 
@@ -151,7 +150,7 @@ def finest_places(index: MapIndex, query: Query, chosen: Chosen) -> Places:
     neighbourhoods of peaks drawn anew (`app.numerics.refinement`), and one place for each
     sub-segment and direction elsewhere.
     """
-    aligned = lay(index, query, _stretches(index, chosen.closer))
+    aligned = lay(index, query, stretches_of(index, query, chosen.closer))
     drawn = refine(index, query, aligned)
     if chosen.whole:
         return drawn
@@ -179,23 +178,3 @@ def joined(
     np.minimum(rest.score, aligned.score.max(), out=values[SCORE, count:])
     values[RESIDUAL:, count:] = 0.0
     return places
-
-
-def _stretches(index: MapIndex, kept: Coarse) -> list[Stretch]:
-    """Road, direction, first and last grid position of every unbroken row of coarse positions."""
-    step_m, start, stretches = kept.step_m, 0, []
-    chainage_m, road, sign = kept.chainage_m.tolist(), kept.road.tolist(), kept.sign.tolist()
-    for end in range(1, len(road) + 1):
-        if (
-            end < len(road)
-            and chainage_m[end] - chainage_m[end - 1] <= JOINED_STEPS * step_m
-            and road[end] == road[start]
-            and sign[end] == sign[start]
-        ):
-            continue
-        target = index.roads[road[start]]
-        first = max(int((chainage_m[start] - step_m) / target.step_m), 0)
-        last = min(int((chainage_m[end - 1] + step_m) / target.step_m) + 1, target.grid_size - 1)
-        stretches.append((target.number, sign[start], first, last))
-        start = end
-    return stretches

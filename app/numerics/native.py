@@ -23,14 +23,14 @@ from app.numerics.observation import (
     Evidence,
 )
 from app.numerics.offsets import OffsetPrior
-from app.numerics.posterior import VALUES, Heaviest, Places
+from app.numerics.posterior import VALUES, Places
 
 try:
     from app.numerics import _native
 except ImportError:
     BUILT = False
 else:
-    BUILT = _native.VERSION == 27  # a library left by an older version of the code is not used
+    BUILT = _native.VERSION == 28  # a library left by an older version of the code is not used
 
 OUTSIDE_LOG = math.log(OUTSIDE_HEARD)
 
@@ -163,44 +163,6 @@ def score_turns(
     score = np.empty((len(turns[0]), parts.shape[2]), dtype=np.float32)
     _native.turns(parts, *turns, *span, terms, score)
     return score
-
-
-def kept_by_mass(
-    score: Float32[np.ndarray, " places"], temperature: float, left_out: float, most: int
-) -> Int[np.ndarray, " kept"]:
-    """Twin of `app.numerics.posterior.kept_by_mass`."""
-    kept = np.empty(min(len(score), most), dtype=np.int64)
-    return kept[: _native.kept_by_mass(score, temperature, left_out, most, kept)]
-
-
-def heaviest(
-    score: Float32[np.ndarray, " places"],
-    temperature: float,
-    left_out: tuple[float, float],
-    most: int,
-) -> Heaviest:
-    """Twin of `app.numerics.posterior.heaviest`."""
-    kept = np.empty(most + 1, dtype=np.int64)
-    count, whole, total = _native.heaviest(score, temperature, *left_out, most, kept)
-    return Heaviest(kept[:count], whole, total)
-
-
-def rest(
-    score: Float32[np.ndarray, " places"],
-    runs: Int[np.ndarray, " runs"],
-    covered: Int[np.ndarray, " covered"],
-    scale: tuple[float, float, float, float],
-    left_out: float,
-) -> tuple[Int[np.ndarray, " kept"], Float[np.ndarray, " kept"]]:
-    """
-    Twin of `app.numerics.chosen.sum_rest`.
-
-    Args:
-        scale: Temperature, step in metres, highest score, metres of road that are aligned.
-    """
-    best, width_m = np.empty(len(runs), dtype=np.int64), np.empty(len(runs))
-    kept = _native.rest(score, runs, covered, *scale, left_out, best, width_m)
-    return best[:kept], width_m[:kept]
 
 
 def no_places(count: int) -> Places:

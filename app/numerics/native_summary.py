@@ -1,9 +1,11 @@
-"""The kernel of `app.numerics.summary`; whether it is there says `app.numerics.native`."""
+"""The kernels of `app.numerics.summary` and its answer; whether they are there says `native`."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 
+from app.domain import Candidate, Direction
 from app.numerics.native import Floats, Wholes
 from app.numerics.posterior import Places
 
@@ -43,3 +45,11 @@ def summary(
         *spread,
         *negligible,
     )
+
+
+def candidates(
+    rivals: Sequence[Rival], names: tuple[str, ...], share: float
+) -> tuple[Candidate, ...]:
+    """Twin of `app.numerics.answer.as_candidates`."""
+    ways = Direction.FORWARD, Direction.BACKWARD
+    return _native.candidates(Candidate, rivals, names, *ways, share)

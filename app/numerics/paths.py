@@ -171,10 +171,11 @@ def _stretch(
     """Rows of cells and stand-ins at metres ``span`` of travel from a chainage."""
     at_m = from_m + sign * np.arange(span[0], span[1] + 1) * FINE_STEP_M
     columns = np.clip(np.rint(at_m / road.step_m).astype(np.intp) + 1, 0, road.along.columns - 1)
-    out = np.zeros((TERMS * len(names) + 1, len(columns)), dtype=np.float32)
+    low, high = sorted((int(columns[0]), int(columns[-1])))
     here, there = _shared(road, names)
-    out[here] = road.along.rows[there[:, None], columns]
-    out[-1] = road.along.rows[-1, columns]
+    part = road.along.rows[np.append(there, -1), low : high + 1]  # whole rows: faster than places
+    out = np.zeros((TERMS * len(names) + 1, len(columns)), dtype=np.float32)
+    out[np.append(here, -1)] = part.take(columns - low, axis=1)
     return out
 
 

@@ -7,17 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.domain import RadioMap
+from app.domain import Candidate, RadioMap
 from app.evaluation.scenario import windows
-from app.numerics import native, tapes
+from app.numerics import native, native_chosen, native_summary, tapes
+from app.numerics.answer import as_candidates
 from app.numerics.chosen import UNNAMED, Scale, choose, rest_of, sum_rest
-from app.numerics.coarse import tapes_of
+from app.numerics.coarse import score_roads, tapes_of
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.index import MapIndex
 from app.numerics.matching import locate
 from app.numerics.posterior import heaviest
 from app.numerics.query import ask
-from app.numerics.stretches import whole_roads
+from app.numerics.stretches import stretches_of, whole_roads
 from tests.numerics.cities import city_of, index_of, models_of
 
 built = pytest.mark.skipif(not native.BUILT, reason="installed without a C compiler")
@@ -80,7 +81,7 @@ def test_the_rest_is_the_same_in_c(seed):
     score, runs, covered, scale = a_rest(seed)
     wanted = sum_rest(score, runs, covered, scale)
     against = (scale.temperature, scale.step_m, scale.highest, scale.aligned_m)
-    best, width_m = native.rest(score, runs, covered, against, UNNAMED)
+    best, width_m = native_chosen.rest(score, runs, covered, against, UNNAMED)
     ours, known = dict(zip(best, width_m, strict=True)), dict(zip(*_of(wanted), strict=True))
     for one in ours.keys() & known.keys():
         assert ours[one] == pytest.approx(known[one], rel=1e-5)
@@ -110,7 +111,7 @@ def _borderline(score, runs, covered, scale):
 def test_the_heaviest_places_are_the_same_in_c(levels, temperature, most):
     """All that matter where they are few; else the best, equal ones as they stand."""
     score = np.array(levels, dtype=np.float32)
-    ours = native.heaviest(score, temperature, (1e-4, 5e-3), most)
+    ours = native_chosen.heaviest(score, temperature, (1e-4, 5e-3), most)
     wanted = heaviest(score.astype(np.float64), temperature, (1e-4, 5e-3), most)
     weight = np.exp((score.astype(np.float64) - score.max()) / temperature)
     gained = np.sort(weight)[::-1].cumsum() / weight.sum()
@@ -145,3 +146,43 @@ def test_roads_without_a_salient_cell_are_looked_at(monkeypatch):
     for window, _ in windows(city_of(cells=1), 25, length_m=10.0):
         assert tapes_of(index, ask(index, window)) == list(range(len(models)))
         assert recall_of(locate(index, window), locate_exhaustively(index, window)) >= 0.999
+
+
+def some_rows(seed: int, count: int):
+    """Indices, increasing; the first and the last among them in every other case."""
+    rng = np.random.default_rng(seed)
+    rows = np.flatnonzero(rng.random(count) < rng.choice([0.01, 0.2, 0.9]))
+    return np.union1d(rows, [0, count - 1] if seed % 2 else rows[:1])
+
+
+@built
+@settings(max_examples=60, deadline=None)
+@given(SEEDS)
+def test_neighbours_and_stretches_are_the_same_in_c(seed):
+    """Whichever positions are kept, of all roads; neighbours lie beside them on their own road."""
+    index = index_of(cells=2)
+    window = windows(city_of(cells=2), 1, length_m=20.0)[0].window
+    plain, fast = ask(index, window), ask(index, window, in_c=True)
+    every = score_roads(index, plain, tapes_of(index, plain), None)
+    rows = some_rows(seed, len(every.score))
+    wanted = every.with_neighbours(rows, in_c=False)
+    assert every.with_neighbours(rows, in_c=True).tolist() == wanted.tolist()
+    kept = every.take(rows)
+    found = stretches_of(index, fast, kept)
+    assert found == stretches_of(index, plain, kept)
+    metres = sum(last - first for _, _, first, last in found)
+    assert metres <= 4.0 * every.step_m * len(rows) + len(found)
+
+
+@built
+def test_candidates_are_the_same_in_c():
+    """Named tuples of their own kind, with the objects that they were given."""
+    rivals = [(1, 4, -1, 0.6, 12.5, 8.4, 49.0), (0, 0, 1, 0.2, 0.0, 8.5, 49.1)]
+    names = ("a", "b")
+    found = native_summary.candidates(rivals, names, 0.5)
+    assert found == as_candidates(rivals, names, 0.5)
+    assert {type(one) for one in found} == {Candidate}
+    assert found[0].road_id is names[1]
+    assert native_summary.candidates([], names, 0.5) == ()
+    with pytest.raises(ValueError, match="no road 2"):
+        native_summary.candidates([(2, *rivals[0][1:])], names, 0.5)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.domain import Candidate, Direction
 from app.numerics import native, posterior
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, shortlist
@@ -99,6 +100,21 @@ def arguments(seed: int) -> dict[str, list[object]]:
             np.zeros(posterior.VALUES * (len(places) + 99)),
             np.zeros(99),
             np.zeros(99),
+        ],
+        "with_neighbours": [
+            index.coarse_places[0].number,
+            np.array([3, 7]),
+            np.array([3, 7]),
+            len(index.coarse_places[0].number),
+            np.zeros(6, dtype=np.int64),
+        ],
+        "stretches_of_coarse": [
+            *(np.array([2.0, 4.0, 30.0]), np.array([0, 0, 1]), np.array([1, 1, -1])),
+            *(2.0, 5.0, atlas.step_m, atlas.size),
+        ],
+        "candidates": [
+            *(Candidate, [(0, 1, -1, 0.5, 3.0, 8.0, 50.0)], index.road_ids),
+            *(Direction.FORWARD, Direction.BACKWARD, 0.9),
         ],
         "summary": [
             *(*old, atlas.start, atlas.size, atlas.segment, atlas.step_m, atlas.plane),

@@ -14,7 +14,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from app.domain import Calibration, RoadModel, Window
-from app.numerics import coarse, native, observation, posterior, stretches
+from app.numerics import coarse, native, native_chosen, observation, posterior, stretches
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, locate, shortlist
 from app.numerics.odometer import under_other_factors
@@ -105,7 +105,7 @@ def test_tapes_are_scored_the_same(seed, stretched, extra):
 def test_the_same_places_are_kept(levels, temperature, left_out, most):
     """Ties, of which whole numbers make many, fall to the earlier places."""
     score = np.array(levels, dtype=np.float32)
-    kept = native.kept_by_mass(score, temperature, left_out, most)
+    kept = native_chosen.kept_by_mass(score, temperature, left_out, most)
     wanted = posterior.kept_by_mass(score.astype(np.float64), temperature, left_out, most)
     # Where the mass reaches the bound to the last bit, one place more or less is right.
     weight = np.exp((score.astype(np.float64) - score.max()) / temperature)

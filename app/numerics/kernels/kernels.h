@@ -110,6 +110,14 @@ typedef struct {
     double step_m, length_m;
 } Laid;
 
+/* Coarse positions along each road in order; a row of them goes on to the next within `joined_m`. */
+typedef struct {
+    ptrdiff_t count;
+    const double *chainage_m;
+    const int64_t *road, *sign;
+    double step_m, joined_m;
+} Coarse;
+
 /* Which places matter: how far under the best they lie, and how much road they may be. */
 typedef struct {
     double within, lightest, widest_m, reach_m, most_m;
@@ -204,6 +212,12 @@ ptrdiff_t keep_heaviest(const float *score, ptrdiff_t count, double temperature,
 void share_mass(const Places *places, double temperature, double *mass);
 int find_summit(const Places *places, const double *mass, ptrdiff_t roads, double near_m, double foot,
                 ptrdiff_t *road, double *road_mass, ptrdiff_t *peak, double *chainage_m);
+
+/* chosen.c */
+ptrdiff_t add_neighbours(const int64_t *number, ptrdiff_t places, const int64_t *rows,
+                         const int64_t *here, ptrdiff_t count, ptrdiff_t scores, int64_t *with);
+ptrdiff_t join_coarse(const Coarse *kept, const double *step_m, const int64_t *size,
+                      ptrdiff_t roads, Laid *found);
 
 /* rest.c */
 ptrdiff_t sum_rest(const float *score, ptrdiff_t count, const int64_t *starts, ptrdiff_t runs,

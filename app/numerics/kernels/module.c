@@ -279,6 +279,24 @@ static PyObject *rest(PyObject *self, PyObject *const *arguments, Py_ssize_t giv
     return release(&call, call.failed ? NULL : PyLong_FromSsize_t(kept));
 }
 
+static PyObject *with_neighbours(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 5))
+        return NULL;
+    Py_ssize_t places[1] = {-1}, rows[1] = {-1}, room[1] = {-1};
+    const int64_t *number_of = array(&call, 'l', READ, 1, places);
+    const int64_t *row = array(&call, 'l', READ, 1, rows);
+    const int64_t *here = array(&call, 'l', READ, 1, rows);
+    ptrdiff_t scores = whole(&call), found = 0;
+    int64_t *with = array(&call, 'l', WRITE, 1, room);
+    demand(&call, room[0] / 3 >= rows[0], "not room for three times as many");
+    if (!call.failed)
+        check(&call, found = add_neighbours(number_of, places[0], row, here, rows[0], scores, with));
+    return release(&call, call.failed ? NULL : PyLong_FromSsize_t(found));
+}
+
 static PyObject *stretch(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
 {
     Call call;
@@ -421,6 +439,58 @@ static PyObject *summed_up(Call *call, const Places *all, const Atlas *map, doub
                          map->plane[HEADING * map->grid + low], radius_m, list);
 }
 
+/* One of a list's tuples as a candidate: a named tuple of its own kind, whose items are handed in. */
+static PyObject *candidate(PyTypeObject *kind, PyObject *tuple, PyObject *names, PyObject *forward,
+                           PyObject *backward, double share)
+{
+    if (!PyTuple_Check(tuple) || PyTuple_Size(tuple) != 7)
+        return PyErr_Format(PyExc_TypeError, "not seven of a rival");
+    Py_ssize_t road = PyNumber_AsSsize_t(PyTuple_GetItem(tuple, 0), PyExc_OverflowError);
+    double sign = PyFloat_AsDouble(PyTuple_GetItem(tuple, 2));
+    double mass = PyFloat_AsDouble(PyTuple_GetItem(tuple, 3));
+    if (PyErr_Occurred())
+        return NULL;
+    if (road < 0 || road >= PyTuple_Size(names))
+        return PyErr_Format(PyExc_ValueError, "no road %zd", road);
+    PyObject *one = PyType_GenericAlloc(kind, 7);
+    PyObject *posterior = one == NULL ? NULL : PyFloat_FromDouble(mass * share);
+    if (posterior == NULL) {
+        Py_XDECREF(one);
+        return NULL;
+    }
+    PyTuple_SetItem(one, 0, Py_NewRef(PyTuple_GetItem(names, road)));
+    PyTuple_SetItem(one, 1, Py_NewRef(PyTuple_GetItem(tuple, 1)));
+    PyTuple_SetItem(one, 2, Py_NewRef(sign > 0.0 ? forward : backward));
+    PyTuple_SetItem(one, 3, posterior);
+    for (int i = 4; i < 7; i++)
+        PyTuple_SetItem(one, i, Py_NewRef(PyTuple_GetItem(tuple, i)));
+    return one;
+}
+
+/* Twin of app.numerics.answer._candidates. */
+static PyObject *candidates(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 6))
+        return NULL;
+    PyObject *kind = arguments[0], *rivals = arguments[1], *names = arguments[2];
+    call.next = 5;
+    double share = number(&call);
+    demand(&call, PyType_Check(kind) && PyType_IsSubtype((PyTypeObject *)kind, &PyTuple_Type),
+           "not a kind of tuple");
+    demand(&call, PyList_Check(rivals) && PyTuple_Check(names), "not a list of rivals, and names");
+    Py_ssize_t count = call.failed ? 0 : PyList_Size(rivals);
+    PyObject *found = call.failed ? NULL : PyTuple_New(count);
+    for (Py_ssize_t i = 0; found != NULL && i < count; i++) {
+        PyObject *one = candidate((PyTypeObject *)kind, PyList_GetItem(rivals, i), names,
+                                  arguments[3], arguments[4], share);
+        if (one == NULL || PyTuple_SetItem(found, i, one) < 0)
+            Py_CLEAR(found);
+    }
+    return release(&call, found);
+}
+
 static PyObject *summary(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
 {
     Call call;
@@ -480,14 +550,15 @@ static PyMethodDef methods[] = {
     KERNEL(summary),       KERNEL(joined),   KERNEL(gains),
     {"stretches_about", (PyCFunction)(void (*)(void))stretches_about_places, METH_FASTCALL, NULL},
     KERNEL(under_factors), KERNEL(elsewhere), KERNEL(listen), KERNEL(this_road),
-    KERNEL(without_wild),
+    KERNEL(without_wild),  KERNEL(with_neighbours), KERNEL(candidates),
+    {"stretches_of_coarse", (PyCFunction)(void (*)(void))stretches_of_coarse, METH_FASTCALL, NULL},
     {NULL, NULL, 0, NULL},
 };
 
 static int set_version(PyObject *module)
 {
     /* app.numerics.native refuses a library built from other sources than its own. */
-    return PyModule_AddIntConstant(module, "VERSION", 27);
+    return PyModule_AddIntConstant(module, "VERSION", 28);
 }
 
 static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)set_version}, {0, NULL}};

@@ -1,4 +1,4 @@
-/* Python's arguments for odometer.c. */
+/* Python's arguments for odometer.c and chosen.c: lists of stretches. */
 #include "under.h"
 
 #include <stdlib.h>
@@ -38,6 +38,32 @@ PyObject *stretches_about_places(PyObject *self, PyObject *const *arguments, Py_
     PyObject *list = call.failed ? NULL : list_of_stretches(found, count);
     free(found);
     return release(&call, list == NULL ? NULL : Py_BuildValue("dN", width_m, list));
+}
+
+PyObject *stretches_of_coarse(PyObject *self, PyObject *const *arguments, Py_ssize_t given)
+{
+    Call call;
+    (void)self;
+    if (!begin(&call, arguments, given, 7))
+        return NULL;
+    Py_ssize_t count[1] = {-1}, roads[1] = {-1};
+    Coarse kept = {.chainage_m = array(&call, 'd', READ, 1, count)};
+    kept.road = array(&call, 'l', READ, 1, count);
+    kept.sign = array(&call, 'l', READ, 1, count);
+    kept.count = call.failed ? 0 : count[0];
+    kept.step_m = number(&call);
+    kept.joined_m = number(&call);
+    const double *step_m = array(&call, 'd', READ, 1, roads);
+    const int64_t *size = array(&call, 'l', READ, 1, roads);
+    Laid *found = call.failed ? NULL : malloc(sizeof *found * (size_t)(kept.count + 1));
+    if (!call.failed && found == NULL)
+        check(&call, OUT_OF_MEMORY);
+    ptrdiff_t rows = 0;
+    if (!call.failed)
+        check(&call, rows = join_coarse(&kept, step_m, size, roads[0], found));
+    PyObject *list = call.failed ? NULL : list_of_stretches(found, rows);
+    free(found);
+    return release(&call, list);
 }
 
 /* One of a list's tuples: rows and bend of a road, the window's cells there, and where. */
