@@ -4,11 +4,12 @@ A window laid round corners, on both scales.
 Coarse: a window that ends some columns past a junction lies with its newer samples on the road it
 is on, with the older ones on the road it came by. Both halves are summed once for every arm of a
 junction (`app.numerics.turns`); any two arms together are a turn. Fine: the few turns that carry
-mass are laid metre by metre (`app.numerics.paths`).
+mass are laid metre by metre (`app.numerics.ways`).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,13 +18,14 @@ from jaxtyping import Float, Float32, Int
 from app.numerics import carriers, native
 from app.numerics.index import MapIndex
 from app.numerics.motion import TURN, Leg
+from app.numerics.odometer_prior import ROUGH_SDS, scale_sd_of
 from app.numerics.offmap import err_apart
 from app.numerics.offsets import take_offsets
-from app.numerics.paths import Way, places_along
-from app.numerics.posterior import Places
+from app.numerics.paths import Way
 from app.numerics.query import Query
 from app.numerics.tapes import COARSE_STEPS_M
 from app.numerics.turns import TurnLevel
+from app.numerics.ways import Reached
 
 LEAST_M = 90.0  # shorter windows are explained as well by many turns, and mostly hold none
 EDGE_M = 15.0  # nearer to either end of a window a corner tells nothing
@@ -202,13 +204,12 @@ def worth_laying(
     return corners
 
 
-def places_round_corners(index: MapIndex, query: Query, corners: list[Corner]) -> Places:
-    """Every metre where the window may end after each of the turns."""
-    return Places.join([_places(index, query, one) for one in corners])
-
-
-def _places(index: MapIndex, query: Query, one: Corner) -> Places:
-    return places_along(index, query, way_of(index, one.turn), (one.first_m, one.last_m))
+def reached(index: MapIndex, query: Query, one: Corner) -> Reached:
+    """The way round a turn, and where the window may end after it."""
+    least, most = _ends_of(index, query, one.turn)
+    farther = math.ceil(-ROUGH_SDS[0] * scale_sd_of(query.distance_error) * query.length_m)
+    most = max(min(one.last_m + farther, most), one.last_m)
+    return Reached(way_of(index, one.turn), one.first_m, one.last_m, min(least, one.first_m), most)
 
 
 def way_of(index: MapIndex, turn: int) -> Way:

@@ -16,13 +16,13 @@ import numpy as np
 from jaxtyping import Float
 
 from app.domain import Fix, Window
-from app.numerics import native
+from app.numerics import native, native_chosen
 from app.numerics.answer import answer
 from app.numerics.chosen import Chosen, choose, rest_of
 from app.numerics.coarse import COARSE_FLATTENING, Coarse, neighbours, shortlist
-from app.numerics.corners import TURN_SHARE, Corner, may_turn, places_round_corners
+from app.numerics.corners import TURN_SHARE, Corner, may_turn, reached
 from app.numerics.index import MapIndex
-from app.numerics.odometer import under_other_factors
+from app.numerics.odometer import LIGHTEST, under_other_factors
 from app.numerics.posterior import (
     CHAINAGE,
     RESIDUAL,
@@ -33,13 +33,15 @@ from app.numerics.posterior import (
 )
 from app.numerics.query import Query, ask
 from app.numerics.refinement import refine
-from app.numerics.stretches import lay, stretches_of
+from app.numerics.stretches import Stretch, lay
+from app.numerics.ways import places_round_corners
 
 __all__ = ["COARSE_FLATTENING", "Coarse", "fine_places", "locate", "place", "shortlist"]
 
 TURN_LOG = float(np.log(TURN_SHARE))
 STRAYS = 0.01  # chance of being off the map from which a short window is laid round corners
 OFF_M = 5.0  # from a junction: a window that ends there may have turned just before
+JOINED_STEPS = 2.5  # coarse positions closer than this are aligned in one product
 
 
 def locate(
@@ -115,19 +117,21 @@ def with_hypotheses(
     Places along roads, and beside them what else may have happened, each with its prior: the
     vehicle came round a corner, or its odometer is off.
     """
+    others = under_other_factors(index, query, straight, straight)
+    along = Placed(straight, None) if others is None else Placed(others.places, others.known)
     if not corners:
-        others = under_other_factors(index, query, straight, straight)
-        return Placed(straight, None) if others is None else Placed(others.places, others.known)
-    turned = places_round_corners(index, query, corners)
-    log_prior, at_its_word = np.full(len(turned), TURN_LOG), np.ones(len(turned))
-    turned.values[SCORE] += TURN_LOG * query.temperature(index.calibration)
-    places = Places.join((straight, turned))
-    others = under_other_factors(index, query, straight, places)
-    if others is None:
-        return Placed(places, Known(log_prior, at_its_word))
-    log_prior += others.together
-    parts = zip((log_prior, at_its_word), others.known, strict=True)
-    return Placed(others.places, Known(*map(np.concatenate, parts)))
+        return along
+    temperature = query.temperature(index.calibration)
+    worth = float(straight.score.max()) - temperature * (LIGHTEST + TURN_LOG)
+    ways = [reached(index, query, one) for one in corners]
+    turned = places_round_corners(index, query, ways, worth)
+    # Scores are against the prior of an exact odometer, which is another for other factors.
+    before = TURN_LOG - turned.together + (0.0 if others is None else others.together)
+    turned.places.values[SCORE] += before * temperature
+    known = Known(before + turned.known.log_prior, turned.known.factor)
+    if along.known is not None:
+        known = Known(*map(np.concatenate, zip(along.known, known, strict=True)))
+    return Placed(Places.join((along.places, turned.places)), known)
 
 
 def fine_places(index: MapIndex, query: Query, kept: Coarse) -> Places:
@@ -178,3 +182,27 @@ def joined(
     np.minimum(rest.score, aligned.score.max(), out=values[SCORE, count:])
     values[RESIDUAL:, count:] = 0.0
     return places
+
+
+def stretches_of(index: MapIndex, query: Query, kept: Coarse) -> list[Stretch]:
+    """The metres about every unbroken row of coarse positions, by a coarse step more either way."""
+    step_m, start, stretches = kept.step_m, 0, []
+    if query.told is not None:
+        where, metres = (kept.road, kept.sign), (step_m, JOINED_STEPS * step_m)
+        grid = index.atlas.step_m, index.atlas.size
+        return native_chosen.stretches_of_coarse(kept.chainage_m, where, metres, grid)
+    chainage_m, road, sign = kept.chainage_m.tolist(), kept.road.tolist(), kept.sign.tolist()
+    for end in range(1, len(road) + 1):
+        if (
+            end < len(road)
+            and chainage_m[end] - chainage_m[end - 1] <= JOINED_STEPS * step_m
+            and road[end] == road[start]
+            and sign[end] == sign[start]
+        ):
+            continue
+        target = index.roads[road[start]]
+        first = max(int((chainage_m[start] - step_m) / target.step_m), 0)
+        last = min(int((chainage_m[end - 1] + step_m) / target.step_m) + 1, target.grid_size - 1)
+        stretches.append((target.number, sign[start], first, last))
+        start = end
+    return stretches

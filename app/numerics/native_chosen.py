@@ -61,7 +61,7 @@ def stretches_of_coarse(
     roads: tuple[Float[np.ndarray, " roads"], Wholes],
 ) -> list[tuple[int, int, int, int]]:
     """
-    Twin of `app.numerics.stretches.stretches_of`.
+    Twin of `app.numerics.matching.stretches_of`.
 
     Args:
         where: Road and direction of each position.

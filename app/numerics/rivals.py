@@ -8,7 +8,7 @@ from app.domain import Fix
 from app.numerics.chosen import choose
 from app.numerics.coarse import shortlist
 from app.numerics.contributions import Place, contributions
-from app.numerics.corners import places_round_corners, way_of
+from app.numerics.corners import way_of
 from app.numerics.index import MapIndex
 from app.numerics.matching import fine_places, place
 from app.numerics.posterior import Places
@@ -16,6 +16,7 @@ from app.numerics.query import Query
 from app.numerics.refinement import refine
 from app.numerics.stretches import whole_roads
 from app.numerics.summary import PEAK_M
+from app.numerics.ways import places_along
 
 
 def answered_place(index: MapIndex, query: Query, fix: Fix) -> Place:
@@ -42,21 +43,20 @@ def _round_corners(index: MapIndex, query: Query, near: Place, chainage_m: float
     """Of each turn that the window may have taken, the best place beside the answer's."""
     found = []
     for corner in choose(index, query, strays=True)[1]:
-        places = places_round_corners(index, query, [corner])
+        way = way_of(index, corner.turn)
+        places = places_along(index, query, way, (corner.first_m, corner.last_m))
         beside = np.abs(places.chainage_m - chainage_m) <= PEAK_M
         beside &= (places.road == near.road) & (places.sign == near.sign)
         if beside.any():
             best = int(np.where(beside, places.score, -np.inf).argmax())
             at_m = float(places.chainage_m[best])
-            found.append(Place(near.road, near.sign, at_m, way_of(index, corner.turn)))
+            found.append(Place(near.road, near.sign, at_m, way))
     return found
 
 
 def factor_beside(index: MapIndex, query: Query, answer: Place) -> float:
     """What the window's distances are multiplied by where it fits best beside the answer."""
-    if answer.way is not None:
-        return 1.0
-    placed = place(index, query)
+    placed = place(index, query, strays=answer.way is not None)
     places, known = placed.places, placed.known
     if known is None:
         return 1.0

@@ -6,43 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.numerics import native, native_chosen
+from app.numerics import native
 from app.numerics.alignment import align
-from app.numerics.coarse import Coarse
 from app.numerics.index import MapIndex
 from app.numerics.offsets import take_offsets
 from app.numerics.posterior import APART, CHAINAGE, RESIDUAL, SCORE, VALUES, WEIGHT, WIDTH, Places
 from app.numerics.query import Query
 from app.numerics.tapes import BOTH
 
-JOINED_STEPS = 2.5  # coarse positions closer than this are aligned in one product
-
 Stretch = tuple[int, int, int, int]
 """Number of the road, +1 or -1 for the direction of travel, first and last grid position."""
-
-
-def stretches_of(index: MapIndex, query: Query, kept: Coarse) -> list[Stretch]:
-    """The metres about every unbroken row of coarse positions, by a coarse step more either way."""
-    step_m, start, stretches = kept.step_m, 0, []
-    if query.told is not None:
-        where, metres = (kept.road, kept.sign), (step_m, JOINED_STEPS * step_m)
-        grid = index.atlas.step_m, index.atlas.size
-        return native_chosen.stretches_of_coarse(kept.chainage_m, where, metres, grid)
-    chainage_m, road, sign = kept.chainage_m.tolist(), kept.road.tolist(), kept.sign.tolist()
-    for end in range(1, len(road) + 1):
-        if (
-            end < len(road)
-            and chainage_m[end] - chainage_m[end - 1] <= JOINED_STEPS * step_m
-            and road[end] == road[start]
-            and sign[end] == sign[start]
-        ):
-            continue
-        target = index.roads[road[start]]
-        first = max(int((chainage_m[start] - step_m) / target.step_m), 0)
-        last = min(int((chainage_m[end - 1] + step_m) / target.step_m) + 1, target.grid_size - 1)
-        stretches.append((target.number, sign[start], first, last))
-        start = end
-    return stretches
 
 
 def lay(index: MapIndex, query: Query, stretches: Sequence[Stretch]) -> Places:

@@ -31,10 +31,10 @@ from app.numerics.matching import COARSE_FLATTENING, Coarse, fine_places, locate
 from app.numerics.motion import Branch, Predicted, predict
 from app.numerics.observation import CORRELATION_M
 from app.numerics.offmap import OFF_MAP_PRIOR, Fit, err_apart, off_map_probability
-from app.numerics.paths import places_round, turns_within
 from app.numerics.posterior import SCORE, Places, masses
 from app.numerics.query import LONGEST_M, Query, ask
 from app.numerics.refinement import refine
+from app.numerics.ways import places_round, turns_within
 
 MOST_TURNS = 12  # windows are laid round this many corners at most, the likeliest ones
 MOST_SAID = 12.0  # nats that one window may say against a place: 1 in 160,000

@@ -15,10 +15,10 @@ from app.numerics.chosen import UNNAMED, Scale, choose, rest_of, sum_rest
 from app.numerics.coarse import score_roads, tapes_of
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.index import MapIndex
-from app.numerics.matching import locate
+from app.numerics.matching import locate, stretches_of
 from app.numerics.posterior import heaviest
 from app.numerics.query import ask
-from app.numerics.stretches import stretches_of, whole_roads
+from app.numerics.stretches import whole_roads
 from tests.numerics.cities import city_of, index_of, models_of
 
 built = pytest.mark.skipif(not native.BUILT, reason="installed without a C compiler")

@@ -20,9 +20,10 @@ from app.numerics.corners import LEAST_M, every_corner, lay, score_turns, way_of
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.explanation import explain
 from app.numerics.matching import locate
-from app.numerics.paths import Way, places_along
+from app.numerics.paths import Way
 from app.numerics.query import ask
 from app.numerics.stretches import along
+from app.numerics.ways import places_along
 from app.numerics.wording import sentences
 from tests.numerics.cities import city_of, index_of
 

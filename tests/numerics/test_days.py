@@ -16,10 +16,10 @@ from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.index import MapIndex
 from app.numerics.matching import locate
 from app.numerics.newcomers import Newcomers
-from app.numerics.paths import places_along
 from app.numerics.posterior import Places
 from app.numerics.query import ask
 from app.numerics.stretches import whole_roads
+from app.numerics.ways import places_along
 from tests.numerics import plain
 from tests.numerics.cities import models_of
 from tests.numerics.test_corners import corners_of

@@ -1,4 +1,4 @@
-/* Twins of app.numerics.coarse.Scored.with_neighbours and app.numerics.matching._stretches. */
+/* Twins of app.numerics.coarse.Scored.with_neighbours and app.numerics.matching.stretches_of. */
 #include "kernels.h"
 
 #include <math.h>
