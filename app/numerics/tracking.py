@@ -149,8 +149,7 @@ def _filtered(
     places = refine(index, query, _straight(index, query, prior, trust))
     log_prior = prior.log_density(places.road, places.sign, places.chainage_m)
     if turned:
-        plain = query if query.told is None else ask(index, recent)
-        rounds = [_round(index, plain, each, on_map) for each in turned]
+        rounds = [_round(index, query, each, on_map) for each in turned]
         places = Places.join([places, *(each for each, _ in rounds)])
         log_prior = np.concatenate([log_prior, *(log for _, log in rounds)])
     fit = fit_of_place(index, query, places, int(places.score.argmax()))

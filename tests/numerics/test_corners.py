@@ -16,14 +16,14 @@ from app.numerics import motion, native, tracking
 from app.numerics.chosen import choose
 from app.numerics.coarse import score_roads, size_of, tapes_of
 from app.numerics.contributions import contributions
-from app.numerics.corners import LEAST_M, every_corner, lay, score_turns, way_of
+from app.numerics.corners import LEAST_M, every_corner, lay, reached, score_turns, way_of
 from app.numerics.exhaustive import locate_exhaustively
 from app.numerics.explanation import explain
 from app.numerics.matching import locate
 from app.numerics.paths import Way
 from app.numerics.query import ask
 from app.numerics.stretches import along
-from app.numerics.ways import places_along
+from app.numerics.ways import places_along, places_round_corners
 from app.numerics.wording import sentences
 from tests.numerics.cities import city_of, index_of
 
@@ -72,7 +72,8 @@ def test_a_window_round_a_corner_is_found():
         with_turns.append(abs(fix.chainage_m - chainage_m))
         lost = straight.road_id != leg.road_id
         without.append(1e3 if lost else abs(straight.chainage_m - chainage_m))
-    assert max(with_turns) < 4.0  # places after a turn are a metre apart
+    assert max(with_turns) < 4.0
+    assert np.median(with_turns) < 0.3  # places after a turn are drawn between metres
     assert np.mean(with_turns) < 1.5
     assert np.mean(with_turns) < np.mean(without)
 
@@ -181,6 +182,38 @@ def test_ways_are_laid_the_same_in_c():
             ours, wanted = (places_along(index, q, way, span) for q in (fast, plain))
             np.testing.assert_array_equal(ours.where, wanted.where)
             np.testing.assert_allclose(ours.values, wanted.values, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.skipif(not native.BUILT, reason="installed without a C compiler")
+@pytest.mark.parametrize("worth", [-np.inf, np.inf])
+def test_places_after_turns_are_the_same_in_c(worth):
+    """Drawn between metres and under every odometer, on their last roads; in order."""
+    index = index_of(cells=2)
+    for window, *_ in corners_of(2, 6):
+        fast, plain = ask(index, window, in_c=True), ask(index, window)
+        ways = [reached(index, plain, one) for one in every_corner(index, plain)[:3]]
+        ours, wanted = (places_round_corners(index, q, ways, worth) for q in (fast, plain))
+        np.testing.assert_array_equal(ours.places.where, wanted.places.where)
+        np.testing.assert_allclose(ours.places.values, wanted.places.values, rtol=1e-9, atol=1e-6)
+        np.testing.assert_allclose(ours.known, wanted.known)
+        assert ours.together == pytest.approx(wanted.together)
+        assert len(ours.known.factor) == len(ours.places)
+        assert worth < 0.0 or not ours.together
+        assert {one.way.road for one in ways} == set(ours.places.road.tolist())
+
+
+def test_odometers_err_round_corners_too():
+    """Windows whose metres are 4 % too long end where they do all the same, if that may be."""
+    index = index_of()
+    may_err, must_not = [], []
+    for window, leg, chainage_m in corners_of(6, 8, 100.0):
+        longer = replace(window, distance_m=1.04 * np.asarray(window.distance_m))
+        fix = locate(index, longer)
+        assert fix.road_id == leg.road_id
+        may_err.append(abs(fix.chainage_m - chainage_m))
+        exact = locate(index, replace(longer, distance_error=0.0))
+        must_not.append(abs(exact.chainage_m - chainage_m) if exact.road_id == leg.road_id else 9.0)
+    assert np.median(may_err) < 0.5 < np.median(must_not)
 
 
 def test_a_way_straight_on_is_the_road_itself():
