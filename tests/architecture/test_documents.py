@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from app import domain
+from app import domain, numerics
 from app.cli import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -73,3 +73,11 @@ def test_every_silenced_lint_rule_has_its_reason():
     rules = re.findall(r'^  "([A-Z]+[0-9]*)",(.*)$', read("pyproject.toml"), re.MULTILINE)
     assert rules
     assert all(re.match(r"\s+# \S", comment) for _, comment in rules), rules
+
+
+def test_the_methods_room_has_a_map():
+    """Every module of app.numerics is named in what the package says of itself."""
+    named = re.findall(r"[a-z_]+", numerics.__doc__ or "")
+    modules = [path.stem for path in (ROOT / "app/numerics").glob("[a-z]*.py")]
+    assert len(modules) > 1
+    assert not [name for name in modules if name not in named]
