@@ -78,7 +78,7 @@ def _ask(index: MapIndex, model: RoadModel, one: Asked) -> Trial:
     number, truth = one.road, one.truth
     names = tuple(model.cells[column] for column in truth.cells.tolist())
     query = ask(index, Window(names, truth.distance_m, truth.rsrp_dbm), in_c=native.BUILT)
-    places = own = with_offset(one.places, query.prior(index))
+    places = own = with_offset(one.at(query.temperature(index.calibration)), query.prior(index))
     if len(index.roads) > 1:
         others = fine_places(index, query, shortlist(index, query, without=number))
         places = Places.join((own, others))

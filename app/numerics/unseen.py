@@ -7,10 +7,12 @@ surroundings tell. Windows that were drawn from a road's own model are asked of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from app.domain import RoadModel
 from app.numerics.alignment import align
@@ -19,7 +21,7 @@ from app.numerics.heldout import nodes_of
 from app.numerics.independence import WINDOWS_SDS, pooled
 from app.numerics.index import MapIndex, RoadIndex
 from app.numerics.observation import Evidence, Profile
-from app.numerics.posterior import SCORE, Places
+from app.numerics.posterior import CHAINAGE, SCORE, WIDTH, Places
 from app.numerics.query import Aim, Query, prepare
 from app.numerics.refinement import bend_along, between
 from app.numerics.tapes import BOTH
@@ -28,8 +30,11 @@ MOST_WINDOWS = 1500  # a city's are thinned to so many: calibration must not gro
 FINE_M = 6.0  # places nearer the truth than this are drawn as finely as a query's peaks
 NEAR_TRUTH_M = 40.0  # and nearer than this kept metre by metre
 BLOCK_M = 16.0  # of those farther off, the best of a block stands for it
-BLOCK_TEMPERATURE = 6.0  # typical; places of a block differ little at any
+BLOCK_TEMPERATURES = np.geomspace(0.125, 32.0, 9)  # at which it stands for so much road
 HOPELESS = 150.0  # a score this far under the best has no mass at any temperature
+
+
+Widths = Float[np.ndarray, "temperatures places"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,13 +45,25 @@ class Asked:
     Attributes:
         road: Number of the road.
         places: Scores do not hold offsets yet; values have a residual and a weight of each group.
+            Far from the truth the best place of a block stands for all of it.
         own: That road, as its curves without the window's day have it; None = as the map has it.
+        width_m: Length of road that each place stands for at each of `BLOCK_TEMPERATURES`, so that
+            the block has its mass; None = as the places have it, at any.
     """
 
     road: int
     truth: HeldOut
     places: Places
     own: RoadIndex | None = None
+    width_m: Widths | None = None
+
+    def at(self, temperature: float) -> Places:
+        """The places of a window of this temperature."""
+        if self.width_m is None:
+            return self.places
+        values = self.places.values.copy()
+        values[WIDTH] = _between_temperatures(self.width_m, temperature)
+        return Places(self.places.where, values)
 
 
 def held_out_windows(models: Sequence[RoadModel]) -> list[tuple[int, HeldOut]]:
@@ -88,7 +105,8 @@ def ask_at_home(
         names = tuple(models[number].cells[column] for column in truth.cells.tolist())
         query = prepare(index, names, (), truth.distance_m, truth.rsrp_dbm)
         own = laid[1] if truth.measured else None
-        found.append(Asked(number, truth, _places(laid[1], query, truth), own))
+        places, width_m = _places(laid[1], query, truth)
+        found.append(Asked(number, truth, places, own, width_m))
     return found
 
 
@@ -111,47 +129,60 @@ def without(model: RoadModel, fold: int) -> RoadModel:
     return replace(model, mean_dbm=mean_dbm, spread_db=spread_db, heard=heard)
 
 
-def _places(road: RoadIndex, query: Query, truth: HeldOut) -> Places:
+def _places(road: RoadIndex, query: Query, truth: HeldOut) -> tuple[Places, Widths]:
     along, step_m = road.along, road.step_m
     aim = query.aim(road.column, step_m)
     values = np.zeros((SCORE + len(aim.factors), 2, road.grid_size))
     grid_m = np.arange(road.grid_size) * step_m
     for way, sign in enumerate(BOTH):
         values[SCORE:, way] = align(along, aim, 1, along.columns - 2, sign)
-        values[0, way], values[1, way] = grid_m, step_m
+        values[CHAINAGE, way], values[WIDTH, way] = grid_m, step_m
     signs = np.repeat(np.array(BOTH), len(grid_m))
     where = np.stack([np.full_like(signs, road.number), signs])
-    coarser = _thinned(Places(where, values.reshape(len(values), -1)), truth.chainage_m)
-    return _finer(coarser, along, aim, query.fine, (truth.chainage_m, step_m))
+    every = Places(where, values.reshape(len(values), -1))
+    coarser, width_m = _thinned(every, truth.chainage_m)
+    close = np.abs(coarser.chainage_m - truth.chainage_m) <= FINE_M
+    finer = _finer(coarser.take(close), along, aim, query.fine, step_m)
+    finer_m = np.tile(finer.width_m, (len(width_m), 1))
+    far = Places.join([coarser.take(~close), finer]) if len(finer) else coarser.take(~close)
+    return far, np.concatenate((width_m[:, ~close], finer_m), axis=1)
 
 
-def _thinned(places: Places, true_m: float) -> Places:
-    """Every metre near the truth; farther off, the best place of a block with the block's mass."""
+def _thinned(places: Places, true_m: float) -> tuple[Places, Widths]:
+    """
+    Every metre near the truth; farther off, the best place of a block, and at each of
+    `BLOCK_TEMPERATURES` as much road as gives it the block's mass.
+    """
     away_m = np.abs(places.chainage_m - true_m)
     close = away_m <= NEAR_TRUTH_M
     block = np.where(close, 0, 1 + (places.chainage_m / BLOCK_M).astype(int)) * places.sign
     starts = np.flatnonzero(np.concatenate([[True], (block[1:] != block[:-1]) | close[1:]]))
-    values = places.values[:, starts].copy()
-    ends = np.append(starts[1:], len(places))
-    for column, (start, end) in enumerate(zip(starts.tolist(), ends.tolist(), strict=True)):
-        best = start + int(np.argmax(places.score[start:end]))
-        share = np.exp((places.score[start:end] - places.score[best]) / BLOCK_TEMPERATURE)
-        values[:, column] = places.values[:, best]
-        values[1, column] = float(share @ places.width_m[start:end])
-    kept = values[2] >= values[2].max() - HOPELESS
-    return Places(places.where[:, starts], values).take(kept)
+    highest = np.maximum.reduceat(places.score, starts)
+    of_block = np.repeat(np.arange(len(starts)), np.diff(np.append(starts, len(places))))
+    below = places.score - highest[of_block]
+    best = np.flatnonzero(below == 0.0)
+    best = best[np.unique(of_block[best], return_index=True)[1]]
+    mass = np.exp(below / BLOCK_TEMPERATURES[:, None]) * places.width_m
+    width_m = np.add.reduceat(mass, starts, axis=1)
+    kept = highest >= highest.max() - HOPELESS
+    return places.take(best[kept]), width_m[:, kept]
 
 
-def _finer(
-    places: Places, along: Profile, aim: Aim, seen: Evidence, metres: tuple[float, float]
-) -> Places:
-    """The same with the neighbourhood of the truth drawn finer, in both directions."""
-    true_m, step_m = metres
-    close = np.abs(places.chainage_m - true_m) <= FINE_M
-    parts = [places.take(~close)]
+def _between_temperatures(width_m: Widths, temperature: float) -> Float[np.ndarray, " places"]:
+    """Straight in the logarithm of either, and as the outermost beyond them."""
+    known = np.log(BLOCK_TEMPERATURES)
+    at = float(np.interp(math.log(temperature), known, np.arange(len(known))))
+    low = min(int(at), len(known) - 2)
+    share = at - low
+    return np.asarray(width_m[low] ** (1.0 - share) * width_m[low + 1] ** share)
+
+
+def _finer(close: Places, along: Profile, aim: Aim, seen: Evidence, step_m: float) -> Places:
+    """Places near the truth drawn finer, in both directions."""
+    parts = []
     for sign in BOTH:
-        row = places.take(close & (places.sign == sign) & (places.chainage_m % step_m < 1e-9))
+        row = close.take((close.sign == sign) & (close.chainage_m % step_m < 1e-9))
         if len(row) > 1 and np.allclose(np.diff(row.chainage_m), step_m):
             row = between(row, bend_along(along, aim, seen, row, step_m), 0.0, step_m)
         parts.append(row)
-    return Places.join([part for part in parts if len(part)])
+    return Places.join(parts)

@@ -7,9 +7,10 @@ import pytest
 
 from app.domain import Road
 from app.evaluation.scenario import survey
+from app.numerics import unseen
 from app.numerics.evidence_table import unpack
 from app.numerics.heldout import nodes_of
-from app.numerics.posterior import SCORE
+from app.numerics.posterior import SCORE, masses
 from app.numerics.roadfit import fit_road
 from app.numerics.unseen import ask_at_home, held_out_windows, without
 from tests.numerics.cities import city_of, models_of
@@ -61,6 +62,28 @@ def test_a_window_drawn_from_the_map_fits_where_it_was_drawn():
         right.append(near and int(one.places.sign[best]) == one.truth.sign)
         assert one.places.width_m.sum() <= 2.0 * len(models[one.road].mean_dbm)
     assert np.mean(right) > 0.9
+
+
+def test_the_best_of_a_block_has_the_mass_of_all_of_it(monkeypatch):
+    """Whatever a window's temperature is, the truth is as probable as with every metre kept."""
+    models = models_of("harsh", cells=2)
+    index, windows = map_of(models), held_out_windows(models)[::7]
+    assert len(windows) >= 10
+    blocks = ask_at_home(index, models, windows)
+    monkeypatch.setattr(unseen, "BLOCK_M", index.roads[0].step_m)
+    metres = ask_at_home(index, models, windows)
+    assert sum(len(one.places) for one in blocks) < 0.4 * sum(len(one.places) for one in metres)
+    for temperature in (0.3, 1.0, 4.0, 20.0):
+        for few, all_ in zip(blocks, metres, strict=True):
+            shares = [
+                masses(one.at(temperature), temperature)[near_truth(one)].sum()
+                for one in (few, all_)
+            ]
+            assert shares[0] == pytest.approx(shares[1], rel=0.02, abs=1e-6)
+
+
+def near_truth(one):
+    return np.abs(one.places.chainage_m - one.truth.chainage_m) < unseen.NEAR_TRUTH_M
 
 
 def test_every_window_of_a_fold_is_of_a_pass_that_its_curves_lack():
