@@ -55,7 +55,12 @@ def main() -> None:
             for name, index, error in told(city):
                 rows.setdefault(name, []).extend(answers(index, asked, error))
         for name, row in rows.items():
-            print(f"  {cells} cells, {name:24s} {described(np.array(row))}", flush=True)
+            each_m = np.array(row)[:, 0].reshape(len(seeds), -1).mean(axis=1)
+            print(
+                f"  {cells} cells, {name:24s} {described(np.array(row))}  "
+                f"median of seeds' MDE {np.median(each_m):.3f} m",
+                flush=True,
+            )
 
 
 def told(city: City) -> Iterator[tuple[str, MapIndex, float | None]]:

@@ -47,7 +47,7 @@ UNTRIED = Calibration(  # of real streets driven once, asked on another day: dec
 
 TEMPERATURES = np.geomspace(0.05, 40.0, 24)
 POSITION_SDS_M = (0.0, 1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 8.0, 11.0)
-INFORMATION_ONCE = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
+INFORMATION_ONCE = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.4, 2.0, 2.8, 4.0)
 INFORMATION_EACH = tuple(float(each) for each in np.geomspace(0.01, 20.0, 31))
 # Of windows drawn reading by reading from the map's own curves: every sample counts, in its place
 EVERY_SAMPLE = (0.0, INFORMATION_EACH[-1])

@@ -28,7 +28,7 @@ from jaxtyping import Float
 BROAD_OFFSET_SD_DB = 6.0  # devices differ by up to 8 dB
 BROAD_OFFSET_SHARE = 0.3  # how often a device is unlike those of the surveys
 GROUP_OFFSET_SD_DB = 2.0  # of each carrier about the device; chosen on survey passes held out
-APART_SHARE = 0.2  # how often cells of one carrier have changed by as much, each for itself
+APART_SHARE = 0.05  # how often cells of one carrier have changed by as much, each for itself
 
 
 class OffsetPrior(NamedTuple):
